@@ -4,7 +4,7 @@
 //   Scene, Simulation: scene::Scene and simulator::Simulation, hidden from the ABI
 //   Command: simulator::Command, in rad, without heap, with the doubts of a live hand
 //   StepReport: TickReport, which the solver fills for one tick
-//   Hand, InstrumentInfo: InstrumentPlace and effects::Instrument, with which mechanics calculates
+//   Hand, InstrumentInfo: InstrumentPose and effects::Instrument, with which mechanics calculates
 //   Imaging, Reading, Picture: those of effects, which read the first and fill the others
 //   Forces: InternalForces, in N and mJ
 #pragma once

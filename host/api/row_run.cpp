@@ -1,17 +1,15 @@
 #include "host/api/row_run.h"
 
-#include <numbers>
-
 #include "host/api/script_ticks.h"
+#include "host/support/angles.h"
 
 namespace torquer {
 
 namespace {
 
 simulator::Command ToTick(const Command& row) {
-  constexpr double kRadPerDeg = std::numbers::pi / 180;
   simulator::Command tick;
-  tick.target = InstrumentPlaces(static_cast<int>(row.hands.size()));
+  tick.target = InstrumentPoses(static_cast<int>(row.hands.size()));
   for (int k = 0; k < tick.target.size(); ++k) {
     const Hand& hand = row.hands[static_cast<std::size_t>(k)];
     tick.target[k] = {hand.insertion_mm, hand.rotation_rad};
@@ -41,16 +39,16 @@ effects::Imaging ToEffects(const Imaging& imaging) {
 }
 
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {
-  const InstrumentPlaces start = scene.start();
+  const InstrumentPoses start = scene.start();
   std::vector<InstrumentInfo> all;
   for (const effects::Instrument& instrument : scene.instruments()) {
     const std::size_t k = all.size();
-    const InstrumentPlace& place = start[static_cast<int>(k)];
+    const InstrumentPose& pose = start[static_cast<int>(k)];
     all.push_back({.name = instrument.name,
                    .max_length_mm = instrument.model->max_length_mm(),
                    .tip_radius_mm = instrument.model->radius_mm(0),
                    .inner_radius_mm = instrument.inner_radius_mm,
-                   .start = {place.insertion_mm, place.rotation_rad},
+                   .start = {pose.insertion_mm, pose.rotation_rad},
                    .is_beside = scene.stack().clearance().is_beside[k]});
   }
   return all;

@@ -49,11 +49,11 @@ void ScriptColumns::TakeColumn(std::size_t index) {
     const std::string& instrument = instruments_[k].name;
     if (name == instrument + ".insertion_mm") {
       const double start_mm = instruments_[k].start.insertion_mm;
-      return add(k, -simulator::kFarthestPlace - start_mm, simulator::kFarthestPlace - start_mm,
-                 false, [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
+      return add(k, -simulator::kPoseLimit - start_mm, simulator::kPoseLimit - start_mm, false,
+                 [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
     }
     if (name == instrument + ".rotation_rad") {
-      return add(k, -simulator::kFarthestPlace, simulator::kFarthestPlace, false,
+      return add(k, -simulator::kPoseLimit, simulator::kPoseLimit, false,
                  [](std::size_t i, double v, Row row) { row.hands[i].rotation_rad = v; });
     }
     known.push_back(instrument + ".insertion_mm");

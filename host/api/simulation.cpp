@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "host/api/parts.h"
 #include "host/simulator/session_record.h"
+#include "host/support/angles.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer {
 
 namespace {
-
-constexpr double kRadPerDeg = std::numbers::pi / 180;
 
 void Check(const Command& command, const Scene& scene) {
   const std::vector<InstrumentInfo>& instruments = scene.instruments();
@@ -24,7 +22,7 @@ void Check(const Command& command, const Scene& scene) {
   }
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     const Hand& hand = command.hands[k];
-    if (simulator::Usable(InstrumentPlace{hand.insertion_mm, hand.rotation_rad})) continue;
+    if (simulator::IsValid(InstrumentPose{hand.insertion_mm, hand.rotation_rad})) continue;
     throw Error(fmt::format("the hand of {} is at {} mm and {} rad; give finite values within 1e5",
                             instruments[k].name, hand.insertion_mm, hand.rotation_rad));
   }
@@ -33,7 +31,7 @@ void Check(const Command& command, const Scene& scene) {
     throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
   }
   const Imaging& imaging = command.imaging;
-  if (simulator::Usable(ToEffects(imaging))) return;
+  if (simulator::IsValid(ToEffects(imaging))) return;
   throw Error(fmt::format(
       "imaging has mode {}, pulses_per_s {}, magnification {}, shutters left {}, right {}, top {}, "
       "bottom {}; give a mode that there is, 1 to 60 pulses or 0, magnification 1 to 4, shutters 0 "
@@ -167,14 +165,14 @@ std::size_t Simulation::node_count() const {
 std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
   const auto hold = parts().usage.Look();
   const WireState& state = parts_->simulation.state();
-  const auto count = static_cast<std::size_t>(state.places().size());
+  const auto count = static_cast<std::size_t>(state.poses().size());
   if (instrument >= count) {
     throw Error(fmt::format("there is no instrument {}; the scene has {}, numbered from 0",
                             instrument, count));
   }
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;
-  TakePart(parts_->lent->rod(), state.CurveOf(k), state.places()[k].insertion_mm, part);
+  TakeNodes(parts_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm, part);
   std::vector<Point> nodes;
   nodes.reserve(part.size());
   for (const Eigen::Vector3d& node : part) nodes.push_back(ToPoint(node));
@@ -184,13 +182,13 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
 std::vector<InstrumentState> Simulation::instruments() const {
   const auto hold = parts().usage.Look();
   const simulator::Simulation& simulation = parts_->simulation;
-  const InstrumentPlaces& places = simulation.state().places();
-  const InstrumentPlaces& carried = simulation.report().carried;
+  const InstrumentPoses& poses = simulation.state().poses();
+  const InstrumentPoses& carried = simulation.report().carried;
   std::vector<InstrumentState> all;
-  for (int k = 0; k < places.size(); ++k) {
+  for (int k = 0; k < poses.size(); ++k) {
     const Eigen::Vector3d tip =
-        PointAt(parts_->lent->rod(), simulation.state().CurveOf(k), places[k].insertion_mm);
-    all.push_back({.hand = {places[k].insertion_mm, places[k].rotation_rad},
+        PointAt(parts_->lent->rod(), simulation.state().CurveOf(k), poses[k].insertion_mm);
+    all.push_back({.hand = {poses[k].insertion_mm, poses[k].rotation_rad},
                    .carried = {carried[k].insertion_mm, carried[k].rotation_rad},
                    .tip_mm = ToPoint(tip)});
   }

@@ -9,27 +9,27 @@
 namespace torquer::bus {
 
 void SimulatorsHeard::State(const Sender& sender, std::int64_t now_us) {
-  if (heard_.size() >= kMost && !heard_.contains(sender)) {
-    heard_.erase(std::min_element(heard_.begin(), heard_.end(), [](const auto& a, const auto& b) {
-      return a.second.heard_us < b.second.heard_us;
-    }));
+  if (publishers_.size() >= kMost && !publishers_.contains(sender)) {
+    publishers_.erase(std::min_element(
+        publishers_.begin(), publishers_.end(),
+        [](const auto& a, const auto& b) { return a.second.heard_us < b.second.heard_us; }));
   }
-  heard_[sender].heard_us = now_us;
+  publishers_[sender].heard_us = now_us;
 }
 
 void SimulatorsHeard::Scene(const Sender& sender, const std::string& name) {
-  const auto found = heard_.find(sender);
-  if (found != heard_.end()) found->second.scene = Printable(name, 40);
+  const auto found = publishers_.find(sender);
+  if (found != publishers_.end()) found->second.scene = Printable(name, 40);
 }
 
 std::string SimulatorsHeard::Conflict(std::int64_t now_us) const {
   std::string names;
   int present = 0;
-  for (const auto& [sender, heard] : heard_) {
-    if (now_us - heard.heard_us >= kOldUs) continue;
+  for (const auto& [sender, publisher] : publishers_) {
+    if (now_us - publisher.heard_us >= kOldUs) continue;
     ++present;
     names += fmt::format("{}{} from {}", names.empty() ? "" : " and ",
-                         heard.scene.empty() ? "a scene" : heard.scene, Describe(sender));
+                         publisher.scene.empty() ? "a scene" : publisher.scene, Describe(sender));
   }
   return present < 2 ? ""
                      : fmt::format("{} simulators publish: {}; stop all but one", present, names);

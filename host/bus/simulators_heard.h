@@ -26,11 +26,11 @@ class SimulatorsHeard {
   std::string Conflict(std::int64_t now_us) const;
 
  private:
-  struct Heard {
+  struct Publisher {
     std::string scene;
     std::int64_t heard_us = 0;
   };
-  std::map<Sender, Heard> heard_;
+  std::map<Sender, Publisher> publishers_;
 };
 
 }  // namespace torquer::bus

@@ -30,13 +30,13 @@ constexpr std::int64_t kFlagsIntervalUs = 100000;
 
 // Tolerances between the simulator's last received pose and the daemon's last sent pose. They may
 // differ by a message in flight.
-constexpr double kSamePlaceMm = 1.0;
-constexpr double kSamePlaceRad = 0.1;
+constexpr double kSamePoseMm = 1.0;
+constexpr double kSamePoseRad = 0.1;
 // Largest accepted position, mm or rad; the simulator uses the same limit.
 constexpr double kFarthest = 1e5;
 
 // Messages received on the bus about one instrument.
-struct Heard {
+struct BusState {
   std::optional<torquer_lcm::instrument_state_t> state;
   std::string others;  // instruments of a simulator that does not have this one
   bool commanded = false;
@@ -44,28 +44,28 @@ struct Heard {
 
 // Listens on a separate connection. The running daemon only sends, so that bus traffic of 1 kHz and
 // more does not wake it.
-Heard ListenFor(const std::string& instrument, const std::string& url) {
-  Heard heard;
+BusState ListenFor(const std::string& instrument, const std::string& url) {
+  BusState bus_state;
   bus::Bus listener(url);
   listener.Subscribe<torquer_lcm::wire_state_t>(
       protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t& state) {
-        heard.others.clear();
+        bus_state.others.clear();
         for (const auto& one : state.instruments) {
-          if (one.name == instrument) heard.state = one;
-          heard.others += (heard.others.empty() ? "" : ", ") + one.name;
+          if (one.name == instrument) bus_state.state = one;
+          bus_state.others += (bus_state.others.empty() ? "" : ", ") + one.name;
         }
       });
   listener.Subscribe<torquer_lcm::instrument_command_t>(
       protocol::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
-        if (command.instrument == instrument) heard.commanded = true;
+        if (command.instrument == instrument) bus_state.commanded = true;
       });
-  listener.HandleUntil(bus::MonotonicUs() + kListenUs, [&] { return heard.commanded; });
-  return heard;
+  listener.HandleUntil(bus::MonotonicUs() + kListenUs, [&] { return bus_state.commanded; });
+  return bus_state;
 }
 
 // True if `state` is within the limits that the simulator itself enforces; any program on the bus
 // may have sent it.
-bool Usable(const torquer_lcm::instrument_state_t& state) {
+bool IsValid(const torquer_lcm::instrument_state_t& state) {
   const auto near = [](double value) { return std::abs(value) <= kFarthest; };
   return state.command_sequence >= 0 && near(state.commanded_insertion_mm) &&
          near(state.inserted_at_start_mm) && near(state.commanded_rotation_rad);
@@ -95,33 +95,33 @@ void Daemon::TakeUpPosition() {
     previous.reset();
   }
 
-  const Heard heard = ListenFor(options_.instrument, bus_.url());
-  if (heard.commanded) {
+  const BusState bus_state = ListenFor(options_.instrument, bus_.url());
+  if (bus_state.commanded) {
     throw UserError(fmt::format(
         "the instrument '{}' already gets commands on the bus at {}, from another "
         "machine or a log player; stop that, or choose another --instrument or --lcm-url",
         options_.instrument, bus_.url()));
   }
-  if (!heard.state && !heard.others.empty()) {
+  if (!bus_state.state && !bus_state.others.empty()) {
     throw UserError(fmt::format(
         "the scene that runs on the bus at {} has no instrument '{}'; it has {}: give one of these "
         "with --instrument, or choose another --lcm-url",
-        bus_.url(), options_.instrument, Printable(heard.others)));
+        bus_.url(), options_.instrument, Printable(bus_state.others)));
   }
   Pose start = previous ? previous->pose : Pose{};
   std::string from = previous ? "the previous daemon" : "";
-  if (heard.state && Usable(*heard.state)) {
-    const torquer_lcm::instrument_state_t& state = *heard.state;
+  if (bus_state.state && IsValid(*bus_state.state)) {
+    const torquer_lcm::instrument_state_t& state = *bus_state.state;
     sequence_ = std::max(sequence_, protocol::NextSequence(state.command_sequence));
     const double insertion_mm = state.commanded_insertion_mm - state.inserted_at_start_mm;
-    const bool same = std::abs(insertion_mm - start.insertion_mm) < kSamePlaceMm &&
-                      std::abs(state.commanded_rotation_rad - start.rotation_rad) < kSamePlaceRad;
+    const bool same = std::abs(insertion_mm - start.insertion_mm) < kSamePoseMm &&
+                      std::abs(state.commanded_rotation_rad - start.rotation_rad) < kSamePoseRad;
     if (!previous || !same) {
       start.insertion_mm = insertion_mm;
       start.rotation_rad = state.commanded_rotation_rad;
       from = "the simulator";
     }
-  } else if (heard.state) {
+  } else if (bus_state.state) {
     // This simulation has received no command yet, so earlier commands went to another one.
     start = {};
     from.clear();

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kLongestGlide_s = 0.05;
 
-bool Usable(const torquer_lcm::hand_motion_t& motion) {
+bool IsValid(const torquer_lcm::hand_motion_t& motion) {
   return std::isfinite(motion.insertion_mm) && std::isfinite(motion.rotation_rad) &&
          std::abs(motion.joystick_x) <= 1 && std::abs(motion.joystick_y) <= 1;
 }
@@ -41,7 +41,7 @@ LiveBus::LiveBus(const std::string& url) : bus_(url), health_(bus_, "emulator") 
   bus_.Subscribe<torquer_lcm::hand_motion_t>(
       protocol::kHandMotionChannel, [this](const torquer_lcm::hand_motion_t& motion) {
         if (!motion.device.empty() && motion.device != serial_) return;  // another box's
-        if (!Usable(motion)) {
+        if (!IsValid(motion)) {
           ++refused_;
         } else if (hand_) {
           hand_->Set(time_s_, {motion.insertion_mm, motion.rotation_rad, motion.joystick_x,

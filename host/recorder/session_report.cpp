@@ -32,7 +32,7 @@ std::int64_t Difference(std::int64_t a, std::int64_t b) {
 }
 
 // Position of an instrument, mm and rad, with its carried remainder.
-Eigen::Vector2d PlaceOf(const torquer_lcm::wire_state_t& state, std::size_t index) {
+Eigen::Vector2d PositionOf(const torquer_lcm::wire_state_t& state, std::size_t index) {
   const torquer_lcm::instrument_state_t& instrument = state.instruments[index];
   return {ArcLengthMm(state, index) + instrument.carried_mm,
           instrument.rotation_rad + instrument.carried_rad};
@@ -211,7 +211,7 @@ void SessionReporter::TakeShape(const torquer_lcm::wire_state_t& state) {
     if (!channel.begin && channel.first_sample &&
         channel.shown.origin_us == state.instruments[k].origin_us) {
       channel.begin = channel.shown;
-      channel.begin_wire = PlaceOf(state, k);
+      channel.begin_wire = PositionOf(state, k);
     }
   }
 }
@@ -305,7 +305,7 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
   const Eigen::Vector2d hand = per_count * Eigen::Vector2d(moved(report.axial, begin.axial),
                                                            moved(report.rotation, begin.rotation));
   const Eigen::Vector2d wire =
-      PlaceOf(*last_shape_, index) -
+      PositionOf(*last_shape_, index) -
       (late ? channel.begin_wire : Eigen::Vector2d(scene_->inserted_at_start_mm[index], 0));
   const auto healed_um = channel.daemon_counters.find("healed_um");
   if (healed_um != channel.daemon_counters.end()) {

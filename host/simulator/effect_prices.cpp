@@ -13,8 +13,8 @@ class EffectPrices::WatchedTerm final : public EnergyTerm {
   void Begin(const PointSet& points) override {
     Timed([&] { term_.Begin(points); });
   }
-  void TakeShare(double share) override {
-    Timed([&] { term_.TakeShare(share); });
+  void SetMotionFraction(double fraction) override {
+    Timed([&] { term_.SetMotionFraction(fraction); });
   }
   bool Dissipates() const override { return term_.Dissipates(); }
   bool ActsOnSurface() const override { return term_.ActsOnSurface(); }

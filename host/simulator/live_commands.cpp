@@ -24,14 +24,14 @@ bool Follows(std::int64_t sequence, std::int64_t last) {
   return ahead < std::uint64_t{1} << 62;
 }
 
-// Text that names the first unusable values of a command; "" if all are usable.
-std::string Unusable(const torquer_lcm::instrument_command_t& message, const InstrumentPlace& place,
-                     const effects::Controls& controls) {
-  if (!Usable(place)) {
+// Text that names the first invalid values of a command; "" if all are valid.
+std::string InvalidValues(const torquer_lcm::instrument_command_t& message,
+                          const InstrumentPose& pose, const effects::Controls& controls) {
+  if (!IsValid(pose)) {
     return fmt::format("insertion_mm {:g}, rotation_rad {:g}", message.insertion_mm,
                        message.rotation_rad);
   }
-  if (!Usable(controls)) {
+  if (!IsValid(controls)) {
     return fmt::format("lao_rad {:g}, cra_rad {:g}", message.lao_rad, message.cra_rad);
   }
   return "";
@@ -66,18 +66,18 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   const int k = static_cast<int>(found - all.begin());
   Source& source = sources_[static_cast<std::size_t>(k)];
   if (!Accepts(source, found->name, message.sequence, sender, now_us)) return;
-  const InstrumentPlace place{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
+  const InstrumentPose pose{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
   const effects::Controls controls{message.lao_rad, message.cra_rad, message.xray != 0,
                                    message.contrast != 0, command_.controls.imaging};
-  const std::string unusable = Unusable(message, place, controls);
+  const std::string invalid = InvalidValues(message, pose, controls);
   source.sequence = message.sequence;
-  source.refused = !unusable.empty();
+  source.refused = !invalid.empty();
   fresh_ = true;
   if (source.refused) {
     Refuse(source, kValue, now_us,
            fmt::format(
                "a command for the {} from {} is refused, and the previous one remains valid: {}",
-               found->name, bus::Describe(sender), unusable));
+               found->name, bus::Describe(sender), invalid));
     Combine();
     return;
   }
@@ -87,14 +87,14 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   source.owner = sender;
   source.heard_us = now_us;
   source.silent = false;
-  command_.target[k] = place;
+  command_.target[k] = pose;
   if (k == 0) command_.controls = controls;
   // Missing times and times of another clock cannot be compared with ours.
-  const auto usable_time = [&](std::int64_t time_us) {
+  const auto is_valid_time = [&](std::int64_t time_us) {
     return message.clock_id == clock_id_ && time_us > 0 && time_us <= now_us;
   };
-  source.origin_us = usable_time(message.origin_us) ? message.origin_us : now_us;
-  sent_us_ = usable_time(message.publish_us) ? message.publish_us : 0;
+  source.origin_us = is_valid_time(message.origin_us) ? message.origin_us : now_us;
+  sent_us_ = is_valid_time(message.publish_us) ? message.publish_us : 0;
   source.in_doubt = (message.flags & (protocol::kCommandLift | protocol::kCommandSensorFault |
                                       protocol::kCommandNoDevice)) != 0;
   Combine();
@@ -115,7 +115,7 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
   chosen.right = message.shutters[1];
   chosen.top = message.shutters[2];
   chosen.bottom = message.shutters[3];
-  if (!known || !Usable(chosen)) {
+  if (!known || !IsValid(chosen)) {
     Refuse(
         imaging_, kValue, now_us,
         fmt::format(

@@ -82,7 +82,7 @@ class LiveCommands {
   void Combine();
 
   const Simulation& simulation_;
-  const InstrumentPlaces start_;
+  const InstrumentPoses start_;
   const std::int64_t clock_id_;
   Command command_;
   std::vector<Source> sources_;

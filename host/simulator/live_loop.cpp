@@ -75,7 +75,7 @@ class LiveLoop {
       const std::int64_t now_us = bus::MonotonicUs();
       commands_.Age(now_us);
       SayNews(now_us);
-      const bool goes_on = simulation_.lives() || !simulation_.at_rest();
+      const bool goes_on = simulation_.is_time_dependent() || !simulation_.at_rest();
       if (commands_.fresh() || (goes_on && now_us >= next_tick_us)) {
         Tick(now_us);
         next_tick_us = now_us + kTickUs;

@@ -59,7 +59,7 @@ void PictureThread::Run() {
     }
     if (fresh) {
       const std::int64_t began_us = bus::MonotonicUs();
-      // A shot that was rendered before its offer arrived is not published twice.
+      // A frame that was rendered before its offer arrived is not published twice.
       if (!source_.Render(picture)) continue;
       message.number = rendered_++;
       message.time_s = picture.time_s;

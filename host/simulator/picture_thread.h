@@ -15,8 +15,8 @@ namespace torquer::simulator {
 /// Largest JPEG of a message. LCM loses reordered fragments of messages beyond 65,499 bytes.
 inline constexpr std::size_t kMostPictureBytes = 60000;
 
-/// Thread that renders the newest shot of `source`. Older shots that come while it is busy are
-/// dropped. Repeats the last picture once a second while no new shot comes.
+/// Thread that renders the newest frame of `source`. Older frames that come while it is busy are
+/// dropped. Repeats the last picture once a second while no new frame comes.
 class PictureThread {
  public:
   /// All arguments must outlive this.
@@ -25,8 +25,8 @@ class PictureThread {
   PictureThread(const PictureThread&) = delete;
   PictureThread& operator=(const PictureThread&) = delete;
 
-  /// Reports that the source has taken a shot. Called by the thread of the ticks; never waits for a
-  /// picture.
+  /// Reports that the source has taken a frame. Called by the thread of the ticks; never waits for
+  /// a picture.
   void Offer();
 
   std::int64_t rendered() const { return rendered_; }

@@ -106,7 +106,7 @@ class Repeater {
       return;
     }
     if (recorded.tick > 0) {
-      InstrumentPlaces target(scene_.stack().size());
+      InstrumentPoses target(scene_.stack().size());
       for (int k = 0; k < target.size(); ++k) {
         const auto& instrument = recorded.instruments[static_cast<std::size_t>(k)];
         target[k] = {instrument.commanded_insertion_mm, instrument.commanded_rotation_rad};
@@ -146,7 +146,7 @@ class Repeater {
       ++result_.missing;
       if (expected_tick_ == 0) continue;
       const auto past = static_cast<std::size_t>(later.tick - expected_tick_ - 1);
-      InstrumentPlaces target(scene_.stack().size());
+      InstrumentPoses target(scene_.stack().size());
       for (int k = 0; k < target.size(); ++k) {
         const auto at = static_cast<std::size_t>(k);
         target[k] = {later.past_insertion_mm[past][at], later.past_rotation_rad[past][at]};
@@ -155,7 +155,7 @@ class Repeater {
     }
   }
 
-  void Repeat(double time_s, const InstrumentPlaces& target, int work) {
+  void Repeat(double time_s, const InstrumentPoses& target, int work) {
     Command command;
     command.time_s = time_s;
     command.target = target;

@@ -24,7 +24,7 @@ torquer_lcm::scene_description_t Describe(const scene::Scene& scene) {
   out.effects = scene.effect_names();
   out.effect_count = static_cast<std::int32_t>(out.effects.size());
   out.segment_mm = scene.rod().segment_mm();
-  const InstrumentPlaces start = scene.start();
+  const InstrumentPoses start = scene.start();
   for (int k = 0; k < start.size(); ++k) {
     const effects::Instrument& instrument = scene.instruments()[static_cast<std::size_t>(k)];
     out.instruments.push_back(instrument.name);

@@ -24,9 +24,9 @@ std::string FormatRecord(const Simulation& simulation) {
   const scene::Scene& scene = simulation.scene();
   nlohmann::ordered_json instruments = nlohmann::ordered_json::object();
   for (std::size_t k = 0; k < scene.instruments().size(); ++k) {
-    const InstrumentPlace& place = simulation.state().places()[static_cast<int>(k)];
-    instruments[scene.instruments()[k].name] = {{"insertion_mm", place.insertion_mm},
-                                                {"rotation_rad", place.rotation_rad}};
+    const InstrumentPose& pose = simulation.state().poses()[static_cast<int>(k)];
+    instruments[scene.instruments()[k].name] = {{"insertion_mm", pose.insertion_mm},
+                                                {"rotation_rad", pose.rotation_rad}};
   }
   nlohmann::ordered_json readings = nlohmann::ordered_json::object();
   for (const effects::Reading& reading : simulation.Readings()) {

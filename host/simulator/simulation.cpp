@@ -25,20 +25,19 @@ std::vector<float> Rounded(const Eigen::Vector3d& x) {
   return {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])};
 }
 
-bool Usable(const InstrumentPlaces& target) {
+bool IsValid(const InstrumentPoses& target) {
   return std::all_of(target.begin(), target.end(),
-                     [](const InstrumentPlace& place) { return simulator::Usable(place); });
+                     [](const InstrumentPose& pose) { return simulator::IsValid(pose); });
 }
 
 }  // namespace
 
 // Each comparison is false for NaN.
-bool Usable(const InstrumentPlace& place) {
-  return std::abs(place.insertion_mm) <= kFarthestPlace &&
-         std::abs(place.rotation_rad) <= kFarthestPlace;
+bool IsValid(const InstrumentPose& pose) {
+  return std::abs(pose.insertion_mm) <= kPoseLimit && std::abs(pose.rotation_rad) <= kPoseLimit;
 }
 
-bool Usable(const effects::Imaging& imaging) {
+bool IsValid(const effects::Imaging& imaging) {
   using effects::Imaging;
   // NaN fails each of these.
   const auto shutter = [](double share) { return share >= 0 && share <= Imaging::kMostShutter; };
@@ -50,7 +49,7 @@ bool Usable(const effects::Imaging& imaging) {
          shutter(imaging.bottom);
 }
 
-bool Usable(const effects::Controls& controls) {
+bool IsValid(const effects::Controls& controls) {
   return std::abs(controls.lao_rad) <= std::numbers::pi &&
          std::abs(controls.cra_rad) <= std::numbers::pi;
 }
@@ -86,8 +85,8 @@ void Simulation::FindRoles() {
     if (effects::ImageSource* image = effect.image()) images_.push_back({image, k});
   }
   pictures_due_.resize(images_.size());
-  lives_ = scene_.moving_field() != nullptr || !timed_.empty() || !evolutions_.empty() ||
-           !images_.empty();
+  is_time_dependent_ = scene_.moving_field() != nullptr || !timed_.empty() ||
+                       !evolutions_.empty() || !images_.empty();
 }
 
 void Simulation::Restart() {
@@ -102,7 +101,7 @@ void Simulation::Restart() {
   updates_ = 0;
   status_ = 0;
   report_ = TickReport();
-  report_.carried = InstrumentPlaces(target_.size());
+  report_.carried = InstrumentPoses(target_.size());
   report_.residual = relaxation_->Current().residual;
   report_.energy_mJ = relaxation_->Current().energy_mJ - relaxation_->Current().dissipated_mJ;
   report_.dissipated_mJ = relaxation_->Current().dissipated_mJ;
@@ -132,17 +131,17 @@ void Simulation::CopyFrom(const Simulation& twin) {
 
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
-  const bool places = Usable(command.target);
+  const bool poses = IsValid(command.target);
   // The settings of the X-ray system have no meaning in a scene that has none.
   const bool controls =
-      Usable(command.controls) && (images_.empty() || Usable(command.controls.imaging));
-  if (places) target_ = command.target;
+      IsValid(command.controls) && (images_.empty() || IsValid(command.controls.imaging));
+  if (poses) target_ = command.target;
   if (controls) controls_ = command.controls;
-  if (!places || !controls || command.refused) status_ |= protocol::kWireInputRefused;
+  if (!poses || !controls || command.refused) status_ |= protocol::kWireInputRefused;
   const double before_s = time_s_;
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);
-  for (effects::Timed* timed : timed_) timed->Lapse(time_s_ - before_s);
+  for (effects::Timed* timed : timed_) timed->AdvanceTime(time_s_ - before_s);
   Relax(budget);
   ++tick_;
   done_.push_front({target_, time_s_, report_.work});
@@ -179,7 +178,7 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
                                .controls = controls,
                                .target = target_,
                                .state = state_,
-                               .expansion = relaxation_->Current(),
+                               .quadratic = relaxation_->Current(),
                                .report = report_};
   for (const auto& [evolution, effect] : evolutions_) {
     Priced(effect, [&, role = evolution] { role->Advance(tick); });
@@ -200,7 +199,7 @@ double Simulation::longest_tick_s() const {
 
 std::vector<effects::Reading> Simulation::Readings() const {
   std::vector<effects::Reading> all;
-  for (const Part<effects::Observer>& observer : observers_) {
+  for (const EffectRole<effects::Observer>& observer : observers_) {
     for (effects::Reading& reading : observer.role->Readings()) all.push_back(std::move(reading));
   }
   return all;
@@ -212,10 +211,10 @@ void Simulation::Observe() {
   if (report_.budget_spent) status_ |= protocol::kWireBudgetSpent;
   if (report_.stalled) status_ |= protocol::kWireStalled;
   if (report_.snapped) status_ |= protocol::kWireSnapped;
-  const Expansion& current = relaxation_->Current();
+  const QuadraticModel& current = relaxation_->Current();
   if (LeavesLumen(current.points) ||
       std::any_of(current.around.begin(), current.around.end(),
-                  [](const CurveExpansion& curve) { return LeavesLumen(curve.points); })) {
+                  [](const CurveQuadraticModel& curve) { return LeavesLumen(curve.points); })) {
     status_ |= protocol::kWireOutsideLumen;
   }
 }
@@ -238,11 +237,11 @@ void Simulation::Describe(torquer_lcm::wire_state_t& out) const {
 }
 
 void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
-  const InstrumentPlaces& places = state_.places();
-  const InstrumentPlaces start = scene_.start();
-  out.instruments.resize(static_cast<std::size_t>(places.size()));
-  out.instrument_count = places.size();
-  for (int k = 0; k < places.size(); ++k) {
+  const InstrumentPoses& poses = state_.poses();
+  const InstrumentPoses start = scene_.start();
+  out.instruments.resize(static_cast<std::size_t>(poses.size()));
+  out.instrument_count = poses.size();
+  for (int k = 0; k < poses.size(); ++k) {
     const auto at = static_cast<std::size_t>(k);
     const Curve& curve = state_.CurveOf(k);
     torquer_lcm::instrument_state_t& instrument = out.instruments[at];
@@ -250,14 +249,14 @@ void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
     instrument.inserted_at_start_mm = start[k].insertion_mm;
     instrument.commanded_insertion_mm = target_[k].insertion_mm;
     instrument.commanded_rotation_rad = target_[k].rotation_rad;
-    instrument.insertion_mm = places[k].insertion_mm;
-    instrument.rotation_rad = places[k].rotation_rad;
+    instrument.insertion_mm = poses[k].insertion_mm;
+    instrument.rotation_rad = poses[k].rotation_rad;
     // With less than half a segment inside there is no segment yet, and the whole insertion is
     // carried.
     instrument.carried_mm =
-        target_[k].insertion_mm - (curve.segments() > 0 ? places[k].insertion_mm : 0);
-    instrument.carried_rad = target_[k].rotation_rad - places[k].rotation_rad;
-    const Eigen::Vector3d tip = PointAt(scene_.rod(), curve, places[k].insertion_mm);
+        target_[k].insertion_mm - (curve.segments() > 0 ? poses[k].insertion_mm : 0);
+    instrument.carried_rad = target_[k].rotation_rad - poses[k].rotation_rad;
+    const Eigen::Vector3d tip = PointAt(scene_.rod(), curve, poses[k].insertion_mm);
     for (int axis = 0; axis < 3; ++axis) instrument.tip_mm[axis] = tip[axis];
     DescribeOwnNodes(k, instrument);
   }
@@ -268,7 +267,7 @@ void Simulation::DescribeOwnNodes(int k, torquer_lcm::instrument_state_t& out) c
   out.nodes_mm.clear();
   const Curve& curve = state_.CurveOf(k);
   if (&curve != &state_.curve(0)) {
-    const double insertion_mm = state_.places()[k].insertion_mm;
+    const double insertion_mm = state_.poses()[k].insertion_mm;
     const int n = NodesBefore(scene_.rod(), curve, insertion_mm);
     const int stride = n / kMostOwnNodesInMessage + 1;
     for (int i = 0; i < n; i += stride) {
@@ -329,9 +328,9 @@ void Simulation::DescribePast(torquer_lcm::wire_state_t& out) const {
     out.past_work[k] = done.work;
     out.past_insertion_mm[k].clear();
     out.past_rotation_rad[k].clear();
-    for (const InstrumentPlace& place : done.target) {
-      out.past_insertion_mm[k].push_back(place.insertion_mm);
-      out.past_rotation_rad[k].push_back(place.rotation_rad);
+    for (const InstrumentPose& pose : done.target) {
+      out.past_insertion_mm[k].push_back(pose.insertion_mm);
+      out.past_rotation_rad[k].push_back(pose.rotation_rad);
     }
   }
 }

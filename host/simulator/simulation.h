@@ -20,7 +20,7 @@ namespace torquer::simulator {
 struct Command {
   /// Target of each instrument, past the entry point: the hand's motion plus the inserted length at
   /// the start.
-  InstrumentPlaces target;
+  InstrumentPoses target;
   bool in_doubt = false;  ///< lift, sensor fault, no device, or commands have stopped
   bool refused = false;   ///< the new command was not usable, and this is the one before
   /// Simulated time since the start, ascending; negative: 1 ms after the tick before.
@@ -29,13 +29,13 @@ struct Command {
 };
 
 /// Largest distance and angle that a target may have, mm or rad, in both directions.
-inline constexpr double kFarthestPlace = 1e5;
-/// True if a place is finite and within kFarthestPlace.
-bool Usable(const InstrumentPlace& place);
+inline constexpr double kPoseLimit = 1e5;
+/// True if a pose is finite and within kPoseLimit.
+bool IsValid(const InstrumentPose& pose);
 /// True if all settings of the X-ray system are within their ranges.
-bool Usable(const effects::Imaging& imaging);
+bool IsValid(const effects::Imaging& imaging);
 /// True if the C-arm's angles are finite and within half a turn. Does not check `imaging`.
-bool Usable(const effects::Controls& controls);
+bool IsValid(const effects::Controls& controls);
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
 class Simulation {
@@ -48,7 +48,7 @@ class Simulation {
   /// Starts in the state of `twin`, which runs another scene of the same spec; see CopyFrom.
   Simulation(scene::Scene& scene, const Simulation& twin);
 
-  /// Makes one tick towards `command`. Places or controls that are not Usable are refused: the last
+  /// Makes one tick towards `command`. Poses or controls that are not valid are refused: the last
   /// usable ones stay valid, and the status reports it.
   const TickReport& Tick(const Command& command, WorkBudget& budget);
   /// Appends a record of every attempt of the method from now on; null: no records.
@@ -74,7 +74,7 @@ class Simulation {
   int status() const { return status_; }     ///< protocol::WireStatus bits
   double time_s() const { return time_s_; }  ///< simulated time since the start
   /// True if the scene evolves by itself, so that ticks go on while the hands rest.
-  bool lives() const { return lives_; }
+  bool is_time_dependent() const { return is_time_dependent_; }
   /// Longest tick, s, for accurate effects that depend on time. 1 ms, as live, if the wire has
   /// inertia. 5 ms if the vessel moves or an effect evolves (within 2 um of 0.5 ms). Infinite if
   /// one long tick equals two short ones.
@@ -101,14 +101,14 @@ class Simulation {
   effects::ImageSource* image(std::size_t plane = 0) const {
     return plane < images_.size() ? images_[plane].role : nullptr;
   }
-  /// True if the last tick took a shot in the plane.
+  /// True if the last tick took a frame in the plane.
   bool picture_due(std::size_t plane = 0) const {
     return plane < images_.size() && pictures_due_[plane];
   }
   /// Null if effects are not measured.
   EffectPrices* prices() const { return prices_; }
   /// Absolute targets, past the entry point.
-  const InstrumentPlaces& target() const { return target_; }
+  const InstrumentPoses& target() const { return target_; }
 
   /// Fills all fields of a message that the simulation knows. Clock times and fields about commands
   /// stay unchanged.
@@ -117,14 +117,14 @@ class Simulation {
  private:
   // Input and work of a tick.
   struct Done {
-    InstrumentPlaces target;
+    InstrumentPoses target;
     double time_s = 0;
     int work = 0;
   };
 
   // A role, and the index of the effect that takes it.
   template <class T>
-  struct Part {
+  struct EffectRole {
     T* role;
     std::size_t effect;
   };
@@ -145,16 +145,16 @@ class Simulation {
   std::unique_ptr<Relaxation> relaxation_;
   EffectPrices* const prices_ = nullptr;
   std::vector<effects::Timed*> timed_;
-  std::vector<Part<effects::Evolution>> evolutions_;
-  std::vector<Part<effects::Observer>> observers_;
+  std::vector<EffectRole<effects::Evolution>> evolutions_;
+  std::vector<EffectRole<effects::Observer>> observers_;
   const effects::Observer* along_wire_ = nullptr;
-  std::vector<Part<effects::ImageSource>> images_;
+  std::vector<EffectRole<effects::ImageSource>> images_;
   std::vector<bool> pictures_due_;
-  bool lives_ = false;
+  bool is_time_dependent_ = false;
   WireState state_;
   TickReport report_;
   double time_s_ = 0;
-  InstrumentPlaces target_;
+  InstrumentPoses target_;
   effects::Controls controls_;
   std::deque<Done> done_;  // the newest first
   std::int64_t tick_ = 0;

@@ -63,7 +63,7 @@ struct NewtonBench {
 
 // Advances by `stretch_mm` in actions of kFeedMm. Returns how many did not converge.
 int Advance(NewtonBench& bench, double stretch_mm, WireState& state) {
-  const InstrumentPlace from = state.places()[0];
+  const InstrumentPose from = state.poses()[0];
   const int actions = static_cast<int>(std::lround(stretch_mm / kFeedMm));
   int unconverged = 0;
   for (int k = 1; k <= actions; ++k) {
@@ -202,9 +202,9 @@ double AccuracyBench::Energy(const AccuracyCase& c, const WireModel& model,
   const std::vector<EnergyTerm*> none;
   const WallModel wall = Wall(c);
   WireMechanics mechanics(model, Field(c.field, c.voxel_mm), wall, none);
-  Expansion expansion = mechanics.MakeExpansion();
-  mechanics.ExpandGradient(state, expansion);
-  return expansion.energy_mJ;
+  QuadraticModel quadratic = mechanics.MakeQuadraticModel();
+  mechanics.BuildGradient(state, quadratic);
+  return quadratic.energy_mJ;
 }
 
 double AccuracyBench::Expected(const AccuracyCase& c) const {
@@ -238,7 +238,7 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
   double energy_mJ = 0;
   for (std::size_t place = 0; place < reference.start.size(); ++place) {
     WireState state = Recut(*model, reference.start[place]);
-    const InstrumentPlace from = state.places()[0];
+    const InstrumentPose from = state.poses()[0];
     NewtonBench bench(*model, field, Wall(c), Friction(c), c.tolerance);
     std::unique_ptr<PaperRelaxation> paper;
     Relaxation* relaxation = &bench.newton;
@@ -257,8 +257,8 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
     }
     for (int k = 1; k <= actions; ++k) {
       const double fed = step_mm * k;
-      const InstrumentPlaces target{from.insertion_mm + fed,
-                                    from.rotation_rad + kTurnRadPerMm * fed};
+      const InstrumentPoses target{from.insertion_mm + fed,
+                                   from.rotation_rad + kTurnRadPerMm * fed};
       const double start_s = ThreadCpuSeconds();
       TickReport report;
       if (c.method == AccuracyMethod::kNewtonBudget) {
@@ -276,7 +276,7 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
     outcome.fed_mm += options_.stretch_mm;
     ++outcome.places;
 
-    const Expansion& now = relaxation->Current();
+    const QuadraticModel& now = relaxation->Current();
     outcome.residual = std::max(outcome.residual, now.residual);
     outcome.residual_per_length =
         std::max(outcome.residual_per_length, ResidualPerLength(*model, state, now.gradient));

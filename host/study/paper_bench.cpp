@@ -29,7 +29,7 @@ PaperBench::PaperBench(const vessel::TubeVessel& phantom, const Setup& setup)
       wall_{setup.wall_N_mm2, 1},
       settings_(setup.physical),
       mechanics_(model_, *phantom.field, wall_, no_terms_),
-      expansion_(mechanics_.MakeExpansion()),
+      quadratic_(mechanics_.MakeQuadraticModel()),
       physical_(model_, *phantom.field, wall_, setup.physical),
       geometrical_(model_, *phantom.field, {}),
       state_(model_) {
@@ -78,7 +78,7 @@ PaperCycle PaperBench::Cycle(bool with_geometrical) {
     cycle.interval = geometrical_.interval();
   }
   if (with_geometrical) cycle.geometrical_s = ThreadCpuSeconds() - between;
-  const Expansion& now = Assess();
+  const QuadraticModel& now = Assess();
   cycle.energy_mJ = now.energy_mJ;
   cycle.residual = now.residual;
   return cycle;
@@ -119,10 +119,10 @@ WireState PaperBench::Equilibrium(bool* converged) {
   return state;
 }
 
-const Expansion& PaperBench::Assess() {
+const QuadraticModel& PaperBench::Assess() {
   mechanics_.points().Forget();
-  mechanics_.ExpandGradient(state_, expansion_);
-  return expansion_;
+  mechanics_.BuildGradient(state_, quadratic_);
+  return quadratic_;
 }
 
 double MeanDistance(const WireState& a, const WireState& b) {

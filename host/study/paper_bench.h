@@ -67,7 +67,7 @@ class PaperBench {
   WireState Equilibrium(bool* converged);
 
   /// Energy and residual of the present shape.
-  const Expansion& Assess();
+  const QuadraticModel& Assess();
   std::int64_t lookups() const { return physical_.lookups(); }
 
  private:
@@ -77,7 +77,7 @@ class PaperBench {
   PhysicalSettings settings_;
   const std::vector<EnergyTerm*> no_terms_;
   WireMechanics mechanics_;
-  Expansion expansion_;
+  QuadraticModel quadratic_;
   PhysicalRelaxation physical_;
   GeometricalRelaxation geometrical_;
   WireState state_;

@@ -62,7 +62,7 @@ class NewtonRun {
   std::vector<EnergyTerm*> terms_;
   NewtonRelaxation relaxation_;
   WireState state_;
-  InstrumentPlaces target_;
+  InstrumentPoses target_;
 };
 
 // Shipped scene with its own vessel, wire, friction and method.
@@ -88,7 +88,7 @@ class SceneRun {
   scene::Scene scene_;
   std::unique_ptr<Relaxation> relaxation_;
   WireState state_;
-  InstrumentPlaces target_;
+  InstrumentPoses target_;
 };
 
 struct ActionCost {
@@ -175,7 +175,7 @@ class Race {
   }
 
  private:
-  static InstrumentPlaces Target() { return {250, 0}; }
+  static InstrumentPoses Target() { return {250, 0}; }
 
   static PaperSettings Settings(PaperCycles cycles) {
     PaperSettings settings;

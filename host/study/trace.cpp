@@ -69,10 +69,10 @@ void WriteAttempts(const Trace& trace, const std::string& path) {
   WriteWhole(path, text);
 }
 
-double PartOf(std::vector<double> values, double part) {
+double Quantile(std::vector<double> values, double fraction) {
   if (values.empty()) return 0;
   std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
+  return values[static_cast<std::size_t>(fraction * static_cast<double>(values.size() - 1))];
 }
 
 template <class Items, class Value>
@@ -85,9 +85,9 @@ std::vector<double> Each(const Items& items, Value value) {
 // Adds the median, 99th percentile and maximum of a figure.
 void Summarize(StudyRun& run, Table& table, const std::string& name, const std::string& metric,
                const std::vector<double>& values) {
-  const double p50 = PartOf(values, 0.5);
-  const double p99 = PartOf(values, 0.99);
-  const double most = PartOf(values, 1);
+  const double p50 = Quantile(values, 0.5);
+  const double p99 = Quantile(values, 0.99);
+  const double most = Quantile(values, 1);
   table.rows.push_back({name, Number(p50), Number(p99), Number(most)});
   run.Record("script", metric + "_p50", p50, "");
   run.Record("script", metric + "_p99", p99, "");

@@ -41,7 +41,7 @@ Journey Travel(double ratio, double tip_curvature_1_per_mm) {
   WireState state(model);
   relaxation->Restart(state);
   Journey journey;
-  const auto go = [&](const InstrumentPlaces& target) {
+  const auto go = [&](const InstrumentPoses& target) {
     CountedBudget budget(20000);
     const double start_s = ThreadCpuSeconds();
     const TickReport report = relaxation->Tick(target, budget, state);

@@ -307,7 +307,7 @@ std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes)
   imaging.right = 0.01 * bytes[13];
   imaging.top = 0.01 * bytes[14];
   imaging.bottom = 0.01 * bytes[15];
-  if (!simulator::Usable(imaging)) return {};
+  if (!simulator::IsValid(imaging)) return {};
   return imaging;
 }
 

@@ -14,7 +14,7 @@ using namespace torquer::calibration;
 using Catch::Contains;
 using torquer::UserError;
 using torquer::test::HandFaults;
-using torquer::test::HandPlace;
+using torquer::test::HandPose;
 using torquer::test::kDegree_rad;
 using torquer::test::RandomTruth;
 using torquer::test::SimulatedHand;
@@ -56,16 +56,16 @@ class Operator {
       }
     }
   }
-  void GoTo(const HandPlace& place) {
-    sensor.MoveTo(place);
+  void GoTo(const HandPose& pose) {
+    sensor.MoveTo(pose);
     Wait(100);
   }
   void Mark() {
     procedure.Press(Key::kMark);
     Wait(350);
   }
-  void MarkAt(const HandPlace& place) {
-    GoTo(place);
+  void MarkAt(const HandPose& pose) {
+    GoTo(pose);
     Mark();
   }
   void LiftAndLand() {

@@ -25,7 +25,7 @@ struct HandFaults {
 };
 
 /// Position of the cylinder's surface.
-struct HandPlace {
+struct HandPose {
   double mm = 0.0;
   double rad = 0.0;
 };
@@ -46,15 +46,15 @@ class SimulatedSensor {
   SimulatedSensor(const calibration::MotionParameters& truth, double walk, std::mt19937_64& random)
       : truth_(truth), walk_(walk), random_(random) {}
 
-  void MoveTo(const HandPlace& place) {
+  void MoveTo(const HandPose& pose) {
     const double push = truth_.misalignment_rad;
     const double turn = push + truth_.skew_rad;
-    const double s = (place.mm - at_.mm) / truth_.gain_mm_per_count;
-    const double c = truth_.cylinder_radius_mm * (place.rad - at_.rad) / truth_.gain_mm_per_count;
+    const double s = (pose.mm - at_.mm) / truth_.gain_mm_per_count;
+    const double c = truth_.cylinder_radius_mm * (pose.rad - at_.rad) / truth_.gain_mm_per_count;
     const double noise = walk_ * std::sqrt(std::hypot(s, c));
     axial_ += std::cos(push) * s - std::sin(turn) * c + noise * normal_(random_);
     transverse_ += std::sin(push) * s + std::cos(turn) * c + noise * normal_(random_);
-    at_ = place;
+    at_ = pose;
   }
   double axial() const { return std::nearbyint(axial_); }
   double transverse() const { return std::nearbyint(transverse_); }
@@ -64,7 +64,7 @@ class SimulatedSensor {
   double walk_;
   std::mt19937_64& random_;
   std::normal_distribution<double> normal_;
-  HandPlace at_;
+  HandPose at_;
   double axial_ = 0.0, transverse_ = 0.0;
 };
 
@@ -81,21 +81,21 @@ class SimulatedHand {
     push_habit_rad_ = faults.common.push_turn_rad * Normal();
     turn_habit_mm_ = faults.common.turn_push_mm * Normal();
   }
-  HandPlace PushStart() { return Off({}, faults_.push_mm, faults_.push_turn_rad); }
-  HandPlace PushEnd() {
+  HandPose PushStart() { return Off({}, faults_.push_mm, faults_.push_turn_rad); }
+  HandPose PushEnd() {
     return Off({length_mm_, push_habit_rad_}, faults_.push_mm, faults_.push_turn_rad);
   }
-  HandPlace TurnStart() { return Off({}, faults_.turn_push_mm, faults_.turn_rad); }
-  HandPlace TurnEnd() {
+  HandPose TurnStart() { return Off({}, faults_.turn_push_mm, faults_.turn_rad); }
+  HandPose TurnEnd() {
     return Off({turn_habit_mm_, turn_rad_}, faults_.turn_push_mm, faults_.turn_rad);
   }
 
  private:
   double Normal() { return normal_(random_); }
-  HandPlace Off(HandPlace place, double mm, double rad) {
-    place.mm += mm / std::numbers::sqrt2 * Normal();
-    place.rad += rad / std::numbers::sqrt2 * Normal();
-    return place;
+  HandPose Off(HandPose pose, double mm, double rad) {
+    pose.mm += mm / std::numbers::sqrt2 * Normal();
+    pose.rad += rad / std::numbers::sqrt2 * Normal();
+    return pose;
   }
 
   HandFaults faults_;

@@ -356,12 +356,12 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
   effects::Friction friction(0.4, GENERATE(0.002, 0.1), {model, wall});
   const std::vector<EnergyTerm*> terms{&friction};
   WireMechanics mechanics(model, field, wall, terms);
-  Expansion at = mechanics.MakeExpansion();
+  QuadraticModel at = mechanics.MakeQuadraticModel();
   std::mt19937 random(2);
   std::vector<Vector3d> arc;
   for (double a = 0.02; a < 1; a += 0.02) arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0);
   WireState state = WireState::Along(model, arc, {12.2, 0});
-  mechanics.Expand(state, at);
+  mechanics.BuildModel(state, at);
   REQUIRE(at.max_penetration_mm > 0.05);
   friction.Begin(at.points);
   friction.End(at.points);  // creates the anchors
@@ -371,12 +371,12 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
   Eigen::VectorXd moved(unknowns);
   for (Eigen::Index k = 0; k < unknowns; ++k) moved[k] = (k % 3 == 2 ? 5 : 0.2) * step(random);
   state = StepAndSpin(model, state, moved);
-  mechanics.Expand(state, at);
-  Expansion there = mechanics.MakeExpansion();
+  mechanics.BuildModel(state, at);
+  QuadraticModel there = mechanics.MakeQuadraticModel();
   const Eigen::VectorXd gradient = GradientOf(
       [&](const Eigen::VectorXd& x) {
         mechanics.points().Forget();
-        mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
+        mechanics.BuildGradient(StepAndSpin(model, state, x), there);
         return there.energy_mJ;
       },
       Eigen::VectorXd::Zero(unknowns), 1e-5);
@@ -421,10 +421,10 @@ TEST_CASE("Where budgets end, a motion with friction changes no bit, and takes n
     hashes.reserve(3);
     const std::size_t allocated = AllocationCount();
     for (int round = 0; round < 3; ++round) {
-      InstrumentPlaces target(stack.size());
-      for (InstrumentPlace& place : target) {
-        place = {std::uniform_real_distribution<double>(10, 50)(random),
-                 std::uniform_real_distribution<double>(-3, 3)(random)};
+      InstrumentPoses target(stack.size());
+      for (InstrumentPose& pose : target) {
+        pose = {std::uniform_real_distribution<double>(10, 50)(random),
+                std::uniform_real_distribution<double>(-3, 3)(random)};
       }
       int done = 0;
       TickReport report;

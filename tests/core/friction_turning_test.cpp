@@ -100,21 +100,21 @@ TEST_CASE("The hand of the instrument that touches the wall feels what turns its
   InstrumentStack stack(std::move(instruments));
   const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), kBore);
   const WallModel wall{.stiffness_N_mm2 = 10};
-  InstrumentPlaces places(2);
-  places[0].insertion_mm = places[1].insertion_mm = 60;
-  stack.Combine(places);
+  InstrumentPoses poses(2);
+  poses[0].insertion_mm = poses[1].insertion_mm = 60;
+  stack.Combine(poses);
   effects::Friction friction(
       kMu, 0.001,
       {.wire = stack.rod(), .wall = wall, .instruments = std::vector<effects::Instrument>(2)});
   Weight weight;
   const std::vector<EnergyTerm*> terms{&friction, &weight};
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
-  WireState state = WireState::Along(stack.rod(), {Vector3d(100, 0, 0.4 - kBore)}, places);
+  WireState state = WireState::Along(stack.rod(), {Vector3d(100, 0, 0.4 - kBore)}, poses);
   relaxation->Restart(state);
   // Far enough for the wire to climb until it slips.
   for (int k = 0; k < 700; ++k) {
-    places[0].rotation_rad = places[1].rotation_rad -= 0.02;
-    REQUIRE(Settle(*relaxation, places, state, 50).converged);
+    poses[0].rotation_rad = poses[1].rotation_rad -= 0.02;
+    REQUIRE(Settle(*relaxation, poses, state, 50).converged);
   }
   InternalForces forces;
   FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
@@ -188,7 +188,7 @@ TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the wa
   WireState state = LayStraight(model, 60 + steps * drawn_mm);
   relaxation->Restart(state);
   for (int k = 1; k <= steps; ++k) {
-    const InstrumentPlaces target(60 + (steps - k) * drawn_mm, k * turned_rad);
+    const InstrumentPoses target(60 + (steps - k) * drawn_mm, k * turned_rad);
     REQUIRE(Settle(*relaxation, target, state).converged);
   }
   const PointSet& points = relaxation->Current().points;

@@ -47,14 +47,14 @@ struct Screwed {
         relaxation(MakeNewtonRelaxation(stack, field, wall, {}, terms)),
         state(stack.rod(), count) {
     relaxation->Restart(state);
-    InstrumentPlaces start(count);
+    InstrumentPoses start(count);
     for (int k = 0; k < count; ++k) start[k].insertion_mm = 20 - 5.0 * k;
     REQUIRE(Settle(*relaxation, start, state, 300).converged);
   }
   void Go(double feed_mm, double turn_rad, int rows) {
-    const InstrumentPlaces start = state.places();
+    const InstrumentPoses start = state.poses();
     for (int row = 1; row <= rows; ++row) {
-      InstrumentPlaces target = start;
+      InstrumentPoses target = start;
       for (int k = 0; k < stack.size(); ++k) {
         // The catheter follows more slowly and turns in the other direction.
         const double part = (k == 0 ? 1.0 : 0.6) * row / rows;
@@ -86,22 +86,22 @@ TEST_CASE("Fed and turned at once, a wire goes the same way in one row and in ma
 
 TEST_CASE("Feeds and turns of all instruments arrive together, and stop where the lead changes") {
   const InstrumentStack stack(Screwed::Instruments(2));
-  const InstrumentPlaces here{{20, 0.5}, {15, -1}};
-  const InstrumentPlaces turning = stack.Towards({{21, 4.5}, {14.5, -2}}, here, 0.25, 0.2);
+  const InstrumentPoses here{{20, 0.5}, {15, -1}};
+  const InstrumentPoses turning = stack.Towards({{21, 4.5}, {14.5, -2}}, here, 0.25, 0.2);
   CHECK(turning[0].rotation_rad == 0.7);  // a twentieth of the path
   CHECK(turning[0].insertion_mm == Approx(20.05));
   CHECK(turning[1].insertion_mm == Approx(14.975));
   CHECK(turning[1].rotation_rad == Approx(-1.05));
-  const InstrumentPlaces feeding = stack.Towards({{25, 0.6}, {15, -1}}, here, 0.25, 0.2);
+  const InstrumentPoses feeding = stack.Towards({{25, 0.6}, {15, -1}}, here, 0.25, 0.2);
   CHECK(feeding[0].insertion_mm == 20.25);
   CHECK(feeding[0].rotation_rad == Approx(0.505));
   CHECK(feeding[1] == here[1]);
   // The catheter passes the wire halfway.
-  const InstrumentPlaces near{{15.1, 0}, {15, 0}};
-  const InstrumentPlaces beside = stack.Towards({{15.1, 0}, {15.2, 0.1}}, near, 0.25, 0.2);
+  const InstrumentPoses near{{15.1, 0}, {15, 0}};
+  const InstrumentPoses beside = stack.Towards({{15.1, 0}, {15.2, 0.1}}, near, 0.25, 0.2);
   CHECK(beside[1].insertion_mm == beside[0].insertion_mm);
   CHECK(beside[1].rotation_rad == Approx(0.05));
-  const InstrumentPlaces goal{{15.2, 0.1}, {15.1, -0.2}};
+  const InstrumentPoses goal{{15.2, 0.1}, {15.1, -0.2}};
   CHECK(stack.Towards(goal, near, 0.25, 0.2) == goal);
 }
 

@@ -9,18 +9,18 @@ namespace torquer::test {
 namespace {
 
 TEST_CASE("Friction of two curves on the wall has the gradient of finite differences") {
-  const InstrumentPlaces places = GENERATE(kWireLeads, kCatheterLeads);
+  const InstrumentPoses poses = GENERATE(kWireLeads, kCatheterLeads);
   const int points_per_segment = GENERATE(1, 2, 3);
-  TwoCurves curves(places, points_per_segment, 3);
+  TwoCurves curves(poses, points_per_segment, 3);
   effects::EffectContext context{curves.model, curves.wall};
   context.instruments.resize(2);
   context.stack = &curves.stack;
   effects::Friction friction(0.5, 0.05, context);
   curves.terms.push_back(&friction);
-  curves.at = curves.mechanics.MakeExpansion();
+  curves.at = curves.mechanics.MakeQuadraticModel();
   const auto expand = [&] {
     curves.Forget();
-    curves.mechanics.Expand(curves.state, curves.at);
+    curves.mechanics.BuildModel(curves.state, curves.at);
   };
   // Sets the anchors at rest, then moves the curves by less than the slip length.
   expand();

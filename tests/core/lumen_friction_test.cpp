@@ -26,18 +26,18 @@ struct Slid {
     context.stack = &curves.stack;
     return context;
   }
-  void Expand() {
+  void BuildModel() {
     curves.Forget();
-    curves.mechanics.Expand(curves.state, curves.at);
+    curves.mechanics.BuildModel(curves.state, curves.at);
   }
   using Marks = TwoCurves::Marks;
-  Slid(const InstrumentPlaces& places, int points, double ratio, double slip_mm,
+  Slid(const InstrumentPoses& poses, int points, double ratio, double slip_mm,
        const Marks& rooms = {false, true}, const Marks& beside = {})
-      : curves(places, points, 11, ratio, rooms, beside), friction(0.4, slip_mm, Context()) {
+      : curves(poses, points, 11, ratio, rooms, beside), friction(0.4, slip_mm, Context()) {
     curves.terms.push_back(&friction);
-    curves.at = curves.mechanics.MakeExpansion();
+    curves.at = curves.mechanics.MakeQuadraticModel();
     curves.mechanics.PairCurves(curves.state);
-    Expand();
+    BuildModel();
     std::array<SurfaceMove, kMostInstruments> moves = {};
     moves[0] = {.along_mm = 0.01, .turn_rad = 0.03};
     moves[1] = {.along_mm = -0.004, .turn_rad = -0.01};
@@ -56,18 +56,18 @@ struct Slid {
     std::uniform_real_distribution<double> turn(-8e-4, 8e-4);
     for (double& component : x) component = turn(random);
     curves.state = curves.Stepped(x);
-    Expand();
+    BuildModel();
   }
 };
 
 TEST_CASE("Friction in a lumen has the gradient of finite differences") {
-  const InstrumentPlaces places =
+  const InstrumentPoses poses =
       GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
   const int points = GENERATE(1, 2, 4);
   const double ratio = GENERATE(0.0, 0.7);
   const double slip_mm = GENERATE(0.04, 0.003);  // sticks, slips
   if (kUnderSanitizer && points == 4) return;
-  Slid slid(places, points, ratio, slip_mm);
+  Slid slid(poses, points, ratio, slip_mm);
   const Eigen::VectorXd with = slid.curves.Gradient();
   const Eigen::VectorXd gradient =
       GradientOf([&](const Eigen::VectorXd& step) { return slid.curves.Energy(step); },
@@ -76,13 +76,13 @@ TEST_CASE("Friction in a lumen has the gradient of finite differences") {
   CHECK((gradient - with).norm() < 2e-6 * gradient.norm());
   // Friction must contribute a substantial part of the gradient.
   slid.friction.Reset();
-  slid.Expand();
+  slid.BuildModel();
   CHECK((slid.curves.Gradient() - with).norm() > 1e-3 * with.norm());
 }
 
 TEST_CASE("Friction between curves beside each other has the gradient of finite differences") {
   struct Layout {
-    InstrumentPlaces places;
+    InstrumentPoses poses;
     TwoCurves::Marks rooms;
     TwoCurves::Marks beside;
   };
@@ -94,7 +94,7 @@ TEST_CASE("Friction between curves beside each other has the gradient of finite 
   const double ratio = GENERATE(0.0, 0.7);
   const double slip_mm = GENERATE(0.04, 0.003);  // sticks, slips
   const Layout& layout = layouts[k];
-  Slid slid(layout.places, 2, ratio, slip_mm, layout.rooms, layout.beside);
+  Slid slid(layout.poses, 2, ratio, slip_mm, layout.rooms, layout.beside);
   const auto of_beside = [&slid] {
     std::size_t slides = 0;
     for (const BetweenCurves& between : slid.curves.at.between) {
@@ -112,10 +112,10 @@ TEST_CASE("Friction between curves beside each other has the gradient of finite 
 }
 
 TEST_CASE("The sweep with friction in a lumen solves the dense system") {
-  const InstrumentPlaces places = GENERATE(kWireLeads, kThreeCatheterLeads);
+  const InstrumentPoses poses = GENERATE(kWireLeads, kThreeCatheterLeads);
   const double ratio = GENERATE(0.0, 0.7);
-  if (kUnderSanitizer && (ratio == 0 || places.size() == 3)) return;
-  Slid slid(places, 2, ratio, 0.04);
+  if (kUnderSanitizer && (ratio == 0 || poses.size() == 3)) return;
+  Slid slid(poses, 2, ratio, 0.04);
   TwoCurves& curves = slid.curves;
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
                                       Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);

@@ -1,4 +1,4 @@
-// Expansion of the energy, compared with finite differences.
+// Quadratic model of the energy, compared with finite differences.
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/wire_mechanics.h"
@@ -120,14 +120,14 @@ TEST_CASE("Gradient and residual of the whole energy are those of finite differe
   const BendingLaw law = GENERATE(BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2);
   PressedWire wire(law);
   WireMechanics mechanics(wire.model, wire.field, wire.wall, wire.terms);
-  Expansion at = mechanics.MakeExpansion();
-  Expansion there = mechanics.MakeExpansion();
-  mechanics.Expand(wire.state, at);
+  QuadraticModel at = mechanics.MakeQuadraticModel();
+  QuadraticModel there = mechanics.MakeQuadraticModel();
+  mechanics.BuildModel(wire.state, at);
   REQUIRE(at.max_penetration_mm > 0.1);  // wall contact is active
   const Eigen::VectorXd gradient = GradientOf(
       [&](const Eigen::VectorXd& xi) {
         mechanics.points().Forget();
-        mechanics.ExpandGradient(Stepped(wire.model, wire.state, Steps(xi)), there);
+        mechanics.BuildGradient(Stepped(wire.model, wire.state, Steps(xi)), there);
         return there.energy_mJ;
       },
       Eigen::VectorXd::Zero(2 * wire.state.segments()), 1e-4);
@@ -143,10 +143,10 @@ TEST_CASE("Gradient and residual of the whole energy are those of finite differe
 TEST_CASE("An expansion of the gradient alone agrees with the full one") {
   PressedWire wire(BendingLaw::kExact);
   WireMechanics mechanics(wire.model, wire.field, wire.wall, wire.terms);
-  Expansion full = mechanics.MakeExpansion();
-  Expansion gradient = mechanics.MakeExpansion();
-  mechanics.Expand(wire.state, full);
-  mechanics.ExpandGradient(wire.state, gradient);
+  QuadraticModel full = mechanics.MakeQuadraticModel();
+  QuadraticModel gradient = mechanics.MakeQuadraticModel();
+  mechanics.BuildModel(wire.state, full);
+  mechanics.BuildGradient(wire.state, gradient);
   CHECK(gradient.energy_mJ == full.energy_mJ);
   CHECK(gradient.residual == full.residual);
   CHECK(gradient.max_penetration_mm == full.max_penetration_mm);
@@ -155,11 +155,11 @@ TEST_CASE("An expansion of the gradient alone agrees with the full one") {
 TEST_CASE("The energy depends on the shape alone, not on the frames that describe it") {
   PressedWire wire(BendingLaw::kExact);
   WireMechanics mechanics(wire.model, wire.field, wire.wall, wire.terms);
-  Expansion a = mechanics.MakeExpansion();
-  Expansion b = mechanics.MakeExpansion();
-  mechanics.Expand(wire.state, a);
+  QuadraticModel a = mechanics.MakeQuadraticModel();
+  QuadraticModel b = mechanics.MakeQuadraticModel();
+  mechanics.BuildModel(wire.state, a);
   wire.state.UntwistFrames(wire.model);
-  mechanics.Expand(wire.state, b);
+  mechanics.BuildModel(wire.state, b);
   CHECK(b.energy_mJ == Approx(a.energy_mJ).epsilon(1e-12));
   CHECK(b.residual == Approx(a.residual).epsilon(1e-12));
 }
@@ -168,8 +168,8 @@ TEST_CASE("Skipped look-ups change no bit of an expansion") {
   PressedWire wire(BendingLaw::kExact);
   WireMechanics skipping(wire.model, wire.field, wire.wall, wire.terms);
   WireMechanics asking(wire.model, wire.field, wire.wall, wire.terms);
-  Expansion a = skipping.MakeExpansion();
-  Expansion b = asking.MakeExpansion();
+  QuadraticModel a = skipping.MakeQuadraticModel();
+  QuadraticModel b = asking.MakeQuadraticModel();
   std::mt19937 random(3);
   std::uniform_real_distribution<double> step(-0.02, 0.02);
   for (int k = 0; k < 200; ++k) {
@@ -177,8 +177,8 @@ TEST_CASE("Skipped look-ups change no bit of an expansion") {
     for (int i = 0; i < wire.state.segments(); ++i) xi.emplace_back(step(random), step(random));
     wire.state = Stepped(wire.model, wire.state, xi);
     asking.points().Forget();
-    skipping.Expand(wire.state, a);
-    asking.Expand(wire.state, b);
+    skipping.BuildModel(wire.state, a);
+    asking.BuildModel(wire.state, b);
     REQUIRE(a.energy_mJ == b.energy_mJ);
     REQUIRE(a.residual == b.residual);
     REQUIRE(a.points.touches == b.points.touches);
@@ -202,7 +202,7 @@ TEST_CASE(
   const WallModel wall{.stiffness_N_mm2 = 1, .points_per_segment = 4};
   const std::vector<EnergyTerm*> none;
   WireMechanics mechanics(model, field, wall, none);
-  PointSet points = mechanics.MakeExpansion().points;
+  PointSet points = mechanics.MakeQuadraticModel().points;
   const WireState state = LayStraight(model, 9.1);
   mechanics.points().Place(state, 0, false, points);
   REQUIRE(points.size() == 4 * state.segments());

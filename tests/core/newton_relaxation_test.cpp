@@ -36,7 +36,7 @@ struct Bench {
     }
     relaxation->Restart(state);
   }
-  TickReport Tick(const InstrumentPlaces& target, int units) {
+  TickReport Tick(const InstrumentPoses& target, int units) {
     CountedBudget budget(units);
     return relaxation->Tick(target, budget, state);
   }
@@ -46,7 +46,7 @@ struct Bench {
 class Hand {
  public:
   explicit Hand(unsigned seed) : random_(seed) {}
-  InstrumentPlaces Next() {
+  InstrumentPoses Next() {
     std::uniform_real_distribution<double> uniform(-1, 1);
     const double large = std::abs(uniform(random_)) < 0.1 ? 20 : 0.3;
     target_[0].insertion_mm =
@@ -57,13 +57,13 @@ class Hand {
 
  private:
   std::mt19937 random_;
-  InstrumentPlaces target_;
+  InstrumentPoses target_;
 };
 
 TEST_CASE("A budget that is cut anywhere leaves a whole wire, and the next tick goes on from it") {
   Bench start;
   REQUIRE(start.Tick({40, 0.5}, 100000).converged);
-  const InstrumentPlaces target{46.3, 1.4};
+  const InstrumentPoses target{46.3, 1.4};
   Bench whole;
   REQUIRE(whole.Tick({40, 0.5}, 100000).converged);
   const TickReport full = whole.Tick(target, 100000);
@@ -98,7 +98,7 @@ TEST_CASE("The work that was recorded repeats a session to the bit") {
   Bench first(paper);
   Hand hand(31);
   std::mt19937 random(32);
-  std::vector<InstrumentPlaces> targets;
+  std::vector<InstrumentPoses> targets;
   std::vector<int> work;
   std::vector<std::uint64_t> hashes;
   for (int k = 0; k < (paper ? 100 : 400); ++k) {
@@ -178,13 +178,13 @@ TEST_CASE(
     std::vector<AttemptRecord> records;
     relaxation.Record(&records);
     CountedBudget budget(60);
-    relaxation.Tick(state.places(), budget, state);
+    relaxation.Tick(state.poses(), budget, state);
     for (std::size_t k = 0; k + 1 < records.size(); ++k) {
       // The next record's energy is never larger, whether or not the step was accepted.
       CHECK(records[k + 1].energy_mJ <= records[k].energy_mJ * (1 + 1e-12));
       steps += records[k].accepted;
     }
-    // A fresh expansion of the state gives the energy that the solver reached.
+    // A fresh model of the state gives the energy that the solver reached.
     const double reached_mJ = relaxation.Current().energy_mJ;
     relaxation.Restart(state);
     CHECK(relaxation.Current().energy_mJ == Approx(reached_mJ).epsilon(1e-9).margin(1e-12));
@@ -198,14 +198,14 @@ TEST_CASE("The report agrees with the state") {
   TickChecker checker(bench.model, bench.field, bench.state);
   std::vector<EnergyTerm*> none;
   WireMechanics mechanics(bench.model, bench.field, bench.wall, none);
-  Expansion fresh = mechanics.MakeExpansion();
+  QuadraticModel fresh = mechanics.MakeQuadraticModel();
   int converged = 0;
   for (int k = 0; k < 500; ++k) {
-    const InstrumentPlaces target = hand.Next();
+    const InstrumentPoses target = hand.Next();
     const TickReport report = bench.Tick(target, 30);
     REQUIRE_THAT(checker.Check(target, report, bench.state, 2), Catch::Equals(""));
     mechanics.points().Forget();
-    mechanics.Expand(bench.state, fresh);
+    mechanics.BuildModel(bench.state, fresh);
     CHECK(report.energy_mJ == Approx(fresh.energy_mJ).epsilon(1e-9).margin(1e-15));
     CHECK(report.residual == Approx(fresh.residual).epsilon(1e-6).margin(1e-10));
     if (report.converged) CHECK(report.residual <= 1e-6);

@@ -20,7 +20,7 @@ struct Chain {
   std::vector<EnergyTerm*> terms;
   WireState state;
   WireMechanics mechanics;
-  Expansion expansion;
+  QuadraticModel quadratic;
   RiccatiSweep<BendStage> sweep;
 
   Chain(const WireParameters& parameters, const ClearanceField& vessel, const WallModel& soft,
@@ -31,15 +31,15 @@ struct Chain {
         terms(std::move(more)),
         state(model),
         mechanics(model, field, wall, terms),
-        expansion(mechanics.MakeExpansion()),
+        quadratic(mechanics.MakeQuadraticModel()),
         sweep(model.max_segments()) {}
 
   int unknowns() const { return 2 * state.segments(); }
 
   double Energy(const Eigen::VectorXd& xi) {
-    Expansion there = mechanics.MakeExpansion();
+    QuadraticModel there = mechanics.MakeQuadraticModel();
     mechanics.points().Forget();
-    mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
+    mechanics.BuildGradient(Stepped(model, state, Steps(xi)), there);
     return there.energy_mJ;
   }
 
@@ -52,7 +52,7 @@ struct Chain {
     std::vector<RiccatiSweep<BendStage>::Control> step;
     std::vector<double> spin;
     std::vector<Vector3d> displacement;
-    predicted = sweep.Step(model, state, expansion, step, spin, displacement);
+    predicted = sweep.Step(model, state, quadratic, step, spin, displacement);
     Eigen::VectorXd x(unknowns());
     for (int i = 0; i < state.segments(); ++i) x.segment<2>(2 * i) = step[i];
     return x;
@@ -77,13 +77,13 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
   Shake(chain.model, 0.03, random, chain.state);
   chain.state.Rotate(0.9);
   chain.state.UpdateFrames(chain.model);
-  chain.mechanics.Expand(chain.state, chain.expansion);
+  chain.mechanics.BuildModel(chain.state, chain.quadratic);
   // Deep enough to matter, and shallow enough that the wall's curvature is not limited.
-  REQUIRE(chain.expansion.max_penetration_mm > 0.1);
-  REQUIRE(chain.expansion.max_penetration_mm < 0.9);
+  REQUIRE(chain.quadratic.max_penetration_mm > 0.1);
+  REQUIRE(chain.quadratic.max_penetration_mm < 0.9);
 
   RiccatiSweep<BendStage> sweep(chain.model.max_segments());
-  CheckSweepIsDense(sweep, chain.model, chain.state, chain.expansion, chain.DenseHessian(),
+  CheckSweepIsDense(sweep, chain.model, chain.state, chain.quadratic, chain.DenseHessian(),
                     Eigen::VectorXd::Constant(chain.unknowns(), 6.35e-3), weight);
 }
 
@@ -97,12 +97,12 @@ TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is")
   int agreed[2] = {0, 0};
   for (double load = 0; load < 0.05; load += kUnderSanitizer ? 0.00474 : 0.00237) {
     force.SetForce(Vector3d(-load, 0, 0));
-    chain.mechanics.Expand(chain.state, chain.expansion);
+    chain.mechanics.BuildModel(chain.state, chain.quadratic);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(chain.DenseHessian());
     const double smallest = eigen.eigenvalues()[0];
     if (std::abs(smallest) < 1e-6) continue;
     INFO("load " << load << " smallest eigenvalue " << smallest);
-    CHECK(chain.sweep.Factor(chain.model, chain.state, chain.expansion, 0) == (smallest > 0));
+    CHECK(chain.sweep.Factor(chain.model, chain.state, chain.quadratic, 0) == (smallest > 0));
     ++agreed[smallest > 0];
   }
   CHECK(agreed[0] > 3);
@@ -114,23 +114,23 @@ TEST_CASE("Where the loads changed near the sheath alone, the rest is taken over
   Chain chain({.segment_mm = 0.8}, field, {.stiffness_N_mm2 = 1e-2}, {});
   std::mt19937 random(3);
   chain.state = Wander(chain.model, 70, 0.3, random);
-  chain.mechanics.Expand(chain.state, chain.expansion);
-  const auto near = chain.expansion.springs.size();
+  chain.mechanics.BuildModel(chain.state, chain.quadratic);
+  const auto near = chain.quadratic.springs.size();
   REQUIRE(near > 20);
   const double proximal = 1e4;
   std::vector<std::uint8_t> active(near, 1);
-  chain.mechanics.Model(chain.state, active, chain.expansion);
-  REQUIRE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal));
+  chain.mechanics.SumActiveLoads(chain.state, active, chain.quadratic);
+  REQUIRE(chain.sweep.Factor(chain.model, chain.state, chain.quadratic, proximal));
   // From near the tip, where everything must be repeated, to the sheath.
   for (std::size_t k = near; k-- > 0;) {
     active[k] = !active[k];
-    chain.mechanics.Model(chain.state, active, chain.expansion);
-    const int segment = chain.expansion.points.near[k] / chain.expansion.points.per_segment;
-    REQUIRE(chain.sweep.Refactor(chain.model, chain.state, chain.expansion, proximal, segment));
+    chain.mechanics.SumActiveLoads(chain.state, active, chain.quadratic);
+    const int segment = chain.quadratic.points.near[k] / chain.quadratic.points.per_segment;
+    REQUIRE(chain.sweep.Refactor(chain.model, chain.state, chain.quadratic, proximal, segment));
     double predicted = 0;
     const Eigen::VectorXd step = chain.SweptStep(predicted);
     RiccatiSweep<BendStage> whole(chain.model.max_segments());
-    REQUIRE(whole.Factor(chain.model, chain.state, chain.expansion, proximal));
+    REQUIRE(whole.Factor(chain.model, chain.state, chain.quadratic, proximal));
     std::swap(whole, chain.sweep);
     double expected = 0;
     CHECK(chain.SweptStep(expected) == step);
@@ -144,9 +144,9 @@ TEST_CASE("A step from far away decreases the energy at first order as predicted
   Chain chain({.segment_mm = 0.8}, field, {.stiffness_N_mm2 = 1e-2}, {});
   std::mt19937 random(17);
   chain.state = Wander(chain.model, 30, 0.4, random);
-  chain.mechanics.Expand(chain.state, chain.expansion);
+  chain.mechanics.BuildModel(chain.state, chain.quadratic);
   double proximal = 1e-4;
-  while (!chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal)) proximal *= 10;
+  while (!chain.sweep.Factor(chain.model, chain.state, chain.quadratic, proximal)) proximal *= 10;
   double predicted = 0;
   const Eigen::VectorXd step = chain.SweptStep(predicted);
   CHECK(predicted > 0);

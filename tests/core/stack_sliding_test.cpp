@@ -68,7 +68,7 @@ struct DrawnThrough {
   }
   // Moves the wire's tip to `way_mm` beyond its start.
   void DrawTo(double way_mm) {
-    const InstrumentPlaces target{{kInside + kBeyond + way_mm, 0}, {kInside, 0}};
+    const InstrumentPoses target{{kInside + kBeyond + way_mm, 0}, {kInside, 0}};
     const TickReport report = Settle(*relaxation, target, state, 300);
     REQUIRE(report.converged);
     REQUIRE(report.arrived());

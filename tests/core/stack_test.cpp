@@ -75,7 +75,7 @@ TEST_CASE("Whichever goes on beyond the other leads, and nothing jumps where the
     before = both.state.tip();
   }
   CHECK(both.state.insertion_mm() == Approx(35));
-  CHECK(both.state.places()[0].insertion_mm == 30);
+  CHECK(both.state.poses()[0].insertion_mm == 30);
   CHECK(both.CurvatureAt(33).norm() == Approx(0.01).epsilon(1e-3));
   const WireState led = both.state;
   // A wire that moves back and forth inside returns to the same shape.
@@ -131,7 +131,7 @@ TEST_CASE("The surface of each instrument goes with that instrument, whoever lea
   stack.Combine({{40, 0}, {25, 0}});
   WireState state = WireState::Along(stack.rod(), {}, {{40, 0}, {25, 0}});
   relaxation->Restart(state);
-  const auto slid = [&](const InstrumentPlaces& target, std::size_t instrument) {
+  const auto slid = [&](const InstrumentPoses& target, std::size_t instrument) {
     recorder.slid_mm = {};
     REQUIRE(Settle(*relaxation, target, state).converged);
     return recorder.slid_mm[instrument];
@@ -168,7 +168,7 @@ TEST_CASE("Any budget leaves a whole rod and no heap, and the same work gives th
   work.reserve(150);
   const std::size_t allocated = AllocationCount();
   const auto target = [](int k) {
-    return InstrumentPlaces{{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
+    return InstrumentPoses{{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
   };
   for (int k = 1; k <= 150; ++k) {
     CountedBudget budget(k % 4);

@@ -1,4 +1,5 @@
-// Nested instruments that twist independently: expansion, sweep, frames, and their equilibria.
+// Nested instruments that twist independently: quadratic model, sweep, frames, and their
+// equilibria.
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <numbers>
@@ -43,20 +44,20 @@ TEST_CASE("Instruments bend each other at a joint whose own rest angles cancel")
   // Half a hat bends one way, half the other way: the rest angle of joint 4 is 0.
   const double catheter_curvature = GENERATE(0.05, 0.0);
   FreeStack both({DoubleCurve(1, 0.1, 4), DoubleCurve(2, catheter_curvature, 4)});
-  const InstrumentPlaces places{{8, 0.3}, {8, 1.7}};
-  both.stack.Combine(places);
+  const InstrumentPoses poses{{8, 0.3}, {8, 1.7}};
+  both.stack.Combine(poses);
   const WireModel& model = both.stack.rod();
   REQUIRE(model.twisting_joint(4).of[0].bend_rad.norm() < 1e-6);
   const FreeSpace field;
   const WallModel wall;
   const std::vector<EnergyTerm*> none;
   WireMechanics mechanics(model, field, wall, none);
-  const WireState state = WireState::Along(model, {}, places);
-  Expansion at = mechanics.MakeExpansion();
-  mechanics.Expand(state, at);
+  const WireState state = WireState::Along(model, {}, poses);
+  QuadraticModel at = mechanics.MakeQuadraticModel();
+  mechanics.BuildModel(state, at);
   const auto energy = [&](const Eigen::VectorXd& x) {
-    Expansion there = mechanics.MakeExpansion();
-    mechanics.ExpandGradient(StackStep(model, state, x), there);
+    QuadraticModel there = mechanics.MakeQuadraticModel();
+    mechanics.BuildGradient(StackStep(model, state, x), there);
     return there.energy_mJ;
   };
   const Eigen::VectorXd gradient =
@@ -90,16 +91,16 @@ WireModel TwistingArc(double rigidity, double curvature, double ratio,
 }
 
 TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist") {
-  const InstrumentPlaces places{{60, 0.3}, {35, 1.5}, {20, -1}};
+  const InstrumentPoses poses{{60, 0.3}, {35, 1.5}, {20, -1}};
   const auto make = [](double ratio) {
     return std::vector<WireModel>{TwistingArc(2, 0.03, ratio), TwistingArc(3, 0.01, ratio),
                                   TwistingArc(5, -0.02, ratio)};
   };
   FreeStack rigid(make(0));
-  rigid.MoveTo(places);
+  rigid.MoveTo(poses);
   CheckFallsAsCompliance([&](double ratio) {
     FreeStack twisting(make(ratio));
-    twisting.MoveTo(places);
+    twisting.MoveTo(poses);
     return LargestDistance(twisting.state, rigid.state);
   });
 }
@@ -154,7 +155,7 @@ double FreeEnd(double hands, double c, double length) {
 }
 
 double Between(const FreeStack& both) {
-  const OfInstruments& turns = both.state.turns_rad().back();
+  const PerInstrument& turns = both.state.turns_rad().back();
   return turns[1] - turns[0];
 }
 
@@ -206,13 +207,13 @@ TEST_CASE("A stack that is fed, pulled and turned takes the shape of one that wa
     return std::vector<WireModel>{TwistingArc(2, 0.03, 0.8), TwistingArc(3, 0.01, 0.5),
                                   TwistingArc(5, -0.02, 0.9)};
   };
-  const InstrumentPlaces places{{43.2, 0.7}, {31.9, -0.4}, {17.3, 1.1}};
+  const InstrumentPoses poses{{43.2, 0.7}, {31.9, -0.4}, {17.3, 1.1}};
   FreeStack moved(make());
   moved.MoveTo({{20, 0}, {25, 1}, {5, 0}});
   moved.MoveTo({{60, -1}, {25.3, 1}, {22, 2}});
-  moved.MoveTo(places);
+  moved.MoveTo(poses);
   FreeStack straight(make());
-  straight.MoveTo(places);
+  straight.MoveTo(poses);
   CHECK(LargestDistance(moved.state, straight.state) < 1e-4);
   // Beyond the outer instrument's tip, no torque acts on this one.
   const int n = moved.state.segments();
@@ -237,9 +238,9 @@ TEST_CASE("Feeding keeps the twist of each instrument, whichever segments split 
   const auto make = [](double ratio) { return TwistingArc(2, 0, ratio, 1); };
   InstrumentStack stack({make(1), make(0.5)});
   const WireModel& model = stack.rod();
-  const InstrumentPlaces places{{12.3, 0}, {12.3, 0}};
-  stack.Combine(places);
-  WireState state = WireState::Along(model, {}, places);
+  const InstrumentPoses poses{{12.3, 0}, {12.3, 0}};
+  stack.Combine(poses);
+  WireState state = WireState::Along(model, {}, poses);
   const double rate[2] = {0.05, -0.03};  // rad/mm
   Eigen::VectorXd x(4 * state.segments());
   double along_mm = 0;
@@ -248,7 +249,7 @@ TEST_CASE("Feeding keeps the twist of each instrument, whichever segments split 
     x.segment<4>(4 * i) << 0, 0, rate[0] * along_mm, rate[1] * along_mm;
   }
   state = StackStep(model, state, x);
-  const OfInstruments at_tip = state.turns_rad().back();
+  const PerInstrument at_tip = state.turns_rad().back();
   for (const double feed : {0.1, -0.1, 0.3, -0.35}) {
     for (int k = 0; k < 20; ++k) {
       state.Feed(model, state.insertion_mm() + feed);
@@ -275,10 +276,10 @@ TEST_CASE(
   const int n = before.segments();
   const double slid_mm = GENERATE(-0.4, 0.4);
   for (int k = 1; k < 3; ++k) {
-    InstrumentPlaces places = before.places();
-    places[k].insertion_mm += slid_mm;
+    InstrumentPoses poses = before.poses();
+    poses[k].insertion_mm += slid_mm;
     WireState after = before;
-    after.MoveInstruments(stack.model, places);
+    after.MoveInstruments(stack.model, poses);
     // Per joint: the remaining twist, and the twist from the joint that it slides away from.
     const int from = slid_mm > 0 ? -1 : 1;
     for (int i = 1; i + 1 < n; ++i) {

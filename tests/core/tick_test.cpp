@@ -42,25 +42,25 @@ std::vector<WireModel> RandomInstruments(Random& random, bool twisting) {
 }
 
 // Random targets, including some that an instrument cannot reach.
-InstrumentPlaces RandomTarget(int count, Random& random) {
-  InstrumentPlaces target(count);
-  for (InstrumentPlace& place : target) {
-    place = {Between(-10, 70, random), Between(-4, 4, random)};
+InstrumentPoses RandomTarget(int count, Random& random) {
+  InstrumentPoses target(count);
+  for (InstrumentPose& pose : target) {
+    pose = {Between(-10, 70, random), Between(-4, 4, random)};
   }
   return target;
 }
 
-// Residual of the state at its own reported instrument places, computed by objects that took no
+// Residual of the state at its own reported instrument poses, computed by objects that took no
 // part in the tick.
 double Residual(const std::vector<WireModel>& instruments, const ClearanceField& field,
                 const WallModel& wall, const WireState& state) {
   InstrumentStack stack(instruments);
-  stack.Combine(state.places());
+  stack.Combine(state.poses());
   const std::vector<EnergyTerm*> none;
   WireMechanics mechanics(stack.rod(), field, wall, none);
-  mechanics.points().TakeStiffness(state);
-  Expansion at = mechanics.MakeExpansion();
-  mechanics.Expand(state, at);
+  mechanics.points().SampleStiffness(state);
+  QuadraticModel at = mechanics.MakeQuadraticModel();
+  mechanics.BuildModel(state, at);
   return at.residual;
 }
 
@@ -71,7 +71,7 @@ struct Tester {
   double tolerance;
   bool whole_segments;  // the smallest motion is one segment
 
-  void Check(const InstrumentPlaces& target, int units, const TickReport& report,
+  void Check(const InstrumentPoses& target, int units, const TickReport& report,
              const InstrumentStack& stack, const WireState& state) const {
     REQUIRE(report.work <= units);
     REQUIRE_THAT(BrokenGeometry(stack.rod(), state), Catch::Equals(""));
@@ -82,14 +82,14 @@ struct Tester {
       const double length_mm = instruments[static_cast<std::size_t>(k)].max_length_mm();
       const double wanted_mm = std::clamp(target[k].insertion_mm, 0.0, length_mm);
       REQUIRE(report.carried[k].insertion_mm ==
-              Approx(wanted_mm - state.places()[k].insertion_mm).margin(1e-9));
+              Approx(wanted_mm - state.poses()[k].insertion_mm).margin(1e-9));
       REQUIRE(report.carried[k].rotation_rad ==
-              Approx(target[k].rotation_rad - state.places()[k].rotation_rad).margin(1e-9));
-      reach_mm = std::max(reach_mm, state.places()[k].insertion_mm);
+              Approx(target[k].rotation_rad - state.poses()[k].rotation_rad).margin(1e-9));
+      reach_mm = std::max(reach_mm, state.poses()[k].insertion_mm);
     }
-    // The curve must reach as far as the reported places.
+    // The curve must reach as far as the reported poses.
     if (state.segments() > 0) REQUIRE(state.ArcLength(stack.rod()) == Approx(reach_mm));
-    if (target.size() == 1) REQUIRE(state.rotation_rad() == state.places()[0].rotation_rad);
+    if (target.size() == 1) REQUIRE(state.rotation_rad() == state.poses()[0].rotation_rad);
     if (!report.budget_spent && !whole_segments) REQUIRE(report.arrived());
     // A tick that ends unconverged must report the reason.
     if (!whole_segments) {
@@ -119,7 +119,7 @@ TEST_CASE("Every tick ends within its budget, says what is left, and repeated ti
   WireState state(stack.rod(), stack.size());
   relaxation->Restart(state);
   for (int round = 0; round < 8; ++round) {
-    const InstrumentPlaces target = RandomTarget(stack.size(), random);
+    const InstrumentPoses target = RandomTarget(stack.size(), random);
     const int units = 1 << std::uniform_int_distribution<int>(0, 6)(random);
     INFO("round " << round << ", " << stack.size() << " instruments, budgets of " << units);
     // 70 mm and 8 rad in parts of half a segment and 0.2 rad, each with a few attempts.
@@ -134,7 +134,7 @@ TEST_CASE("Every tick ends within its budget, says what is left, and repeated ti
       done += report.work;
     } while (report.budget_spent && done < kMostUnits);
     CHECK_FALSE(report.budget_spent);
-    CHECK(report.arrived() == (report.carried == InstrumentPlaces(stack.size())));
+    CHECK(report.arrived() == (report.carried == InstrumentPoses(stack.size())));
   }
 }
 
@@ -155,7 +155,7 @@ TEST_CASE("The same of the paper's method, by whole segments") {
   WireState state(model);
   relaxation.Restart(state);
   for (int round = 0; round < 4; ++round) {
-    const InstrumentPlaces target = RandomTarget(1, random);
+    const InstrumentPoses target = RandomTarget(1, random);
     const int units = 1 << std::uniform_int_distribution<int>(0, 6)(random);
     INFO("round " << round << ", budgets of " << units);
     TickReport report;

@@ -1,4 +1,4 @@
-// Wire that twists: its expansion, its sweep and its frames.
+// Wire that twists: its quadratic model, its sweep and its frames.
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 
@@ -32,7 +32,7 @@ struct TwistedWire {
   std::vector<EnergyTerm*> terms{&force, &roll};
   WireState state{model};
   WireMechanics mechanics{model, field, wall, terms};
-  Expansion at = mechanics.MakeExpansion();
+  QuadraticModel at = mechanics.MakeQuadraticModel();
 
   explicit TwistedWire(unsigned seed) {
     std::mt19937 random(seed);
@@ -47,15 +47,15 @@ struct TwistedWire {
     double sum = 0;
     for (int i = 0; i < state.segments(); ++i) x[3 * i + 2] = (sum += 0.2 + spin(random));
     state = StepAndSpin(model, state, x);
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
     roll.Begin(at.points);
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
   }
 
   double Energy(const Eigen::VectorXd& x) {
-    Expansion there = mechanics.MakeExpansion();
+    QuadraticModel there = mechanics.MakeQuadraticModel();
     mechanics.points().Forget();
-    mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
+    mechanics.BuildGradient(StepAndSpin(model, state, x), there);
     return there.energy_mJ;
   }
   Eigen::VectorXd Gradient() const { return DenseGradient(model, state, at); }

@@ -1,5 +1,5 @@
 // Instruments on two to four curves, each with clearance in the lumen of the next one:
-// expansion, sweep, feeding and equilibrium.
+// quadratic model, sweep, feeding and equilibrium.
 #include "tests/support/two_curves.h"
 
 #include <Eigen/Dense>
@@ -19,7 +19,7 @@ namespace {
 
 // Instruments on up to four curves: the lumens that have room, and what lies beside others.
 struct Room {
-  InstrumentPlaces places;
+  InstrumentPoses poses;
   std::array<bool, kMostInstruments> rooms;
   std::array<bool, kMostInstruments> beside = {};
 };
@@ -51,7 +51,7 @@ const std::vector<Room>& Rooms() {
 TEST_CASE("Gradient of several curves is that of finite differences") {
   const auto k = GENERATE(range(std::size_t{0}, Rooms().size()));
   const Room& one = Rooms()[k];
-  TwoCurves curves(one.places, GENERATE(1, 2, 4), 11, GENERATE(0.0, 0.7), one.rooms, one.beside);
+  TwoCurves curves(one.poses, GENERATE(1, 2, 4), 11, GENERATE(0.0, 0.7), one.rooms, one.beside);
   CAPTURE(k, curves.PressedN());
   REQUIRE(curves.at.max_penetration_mm > 0.05);
   REQUIRE(curves.PressedN() > 0);
@@ -83,8 +83,8 @@ TEST_CASE("The sweep of several curves solves the dense Newton system") {
   if (Rooms()[k].beside != TwoCurves::Marks() && (ratio > 0) != (k % 2 == 0)) return;
   const double weight = ratio > 0 || k > 2 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
   unsigned seed = 11;
-  while (!FarFromKinks(TwoCurves(one.places, 2, seed, ratio, one.rooms, one.beside))) ++seed;
-  TwoCurves curves(one.places, 2, seed, ratio, one.rooms, one.beside);
+  while (!FarFromKinks(TwoCurves(one.poses, 2, seed, ratio, one.rooms, one.beside))) ++seed;
+  TwoCurves curves(one.poses, 2, seed, ratio, one.rooms, one.beside);
   CAPTURE(k, weight, ratio, seed);
   REQUIRE(curves.PressedN() > 0);
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
@@ -135,7 +135,7 @@ struct LooseArcs {
 };
 
 // Each instrument leads for a while, then both are out, and both go in again.
-InstrumentPlaces Pass(int k) {
+InstrumentPoses Pass(int k) {
   if (k < 100) return {{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
   if (k < 160) return {{30 - 0.1 * (k - 100), 2}, {20 + 0.3 * (k - 100), -1}};
   if (k < 180) return {{0, 0}, {0, 0}};
@@ -195,8 +195,8 @@ TEST_CASE("A copy of two curves goes on as the original") {
 }
 
 TEST_CASE("Instruments that pass each other in free space lie as if they had not") {
-  const InstrumentPlaces wire_leads{{30, 0.5}, {22, -1}};
-  const InstrumentPlaces catheter_leads{{22.4, 0.5}, {31, -1}};
+  const InstrumentPoses wire_leads{{30, 0.5}, {22, -1}};
+  const InstrumentPoses catheter_leads{{22.4, 0.5}, {31, -1}};
   const double ratio = GENERATE(0.0, 0.7);
   LooseArcs straight(ratio);
   REQUIRE(Settle(*straight.relaxation, wire_leads, straight.state, 400).converged);
@@ -219,7 +219,7 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
   arcs.relaxation->Tick({{30, 0.6}, {22, -1.3}}, few, arcs.state);
   const double said_mm = arcs.relaxation->SolverErrorMm(arcs.state);
   const WireState before = arcs.state;
-  REQUIRE(Settle(*arcs.relaxation, arcs.state.places(), arcs.state, 400).converged);
+  REQUIRE(Settle(*arcs.relaxation, arcs.state.poses(), arcs.state, 400).converged);
   const double true_mm = std::max(LargestDistance(before, arcs.state),
                                   LargestDistance(before.curve(1), arcs.state.curve(1)));
   CAPTURE(said_mm, true_mm);
@@ -228,24 +228,24 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
 }
 
 TEST_CASE("Ever stiffer against twist, instruments with room come to those that do not twist") {
-  const InstrumentPlaces places{{30, 1.2}, {22, -1}};
+  const InstrumentPoses poses{{30, 1.2}, {22, -1}};
   LooseArcs rigid(0);
-  REQUIRE(Settle(*rigid.relaxation, places, rigid.state, 400).converged);
+  REQUIRE(Settle(*rigid.relaxation, poses, rigid.state, 400).converged);
   CheckFallsAsCompliance([&](double ratio) {
     LooseArcs twisting(ratio);
-    REQUIRE(Settle(*twisting.relaxation, places, twisting.state, 400).converged);
+    REQUIRE(Settle(*twisting.relaxation, poses, twisting.state, 400).converged);
     return LargestDistance(twisting.state, rigid.state);
   });
 }
 
 TEST_CASE("With ever less room, instruments that twist come to those on one curve") {
-  const InstrumentPlaces places{{30, 1.2}, {22, -1}};
+  const InstrumentPoses poses{{30, 1.2}, {22, -1}};
   FreeStack together({Arc(2, 0.04, 0.2, 1.4), Arc(3, -0.01, 0.6, 2.1)});
-  together.MoveTo(places);
+  together.MoveTo(poses);
   double before_mm = 0;
   for (const double room_mm : {0.16, 0.04, 0.01}) {
     LooseArcs loose(0.7, room_mm);
-    REQUIRE(Settle(*loose.relaxation, places, loose.state, 400).converged);
+    REQUIRE(Settle(*loose.relaxation, poses, loose.state, 400).converged);
     const double apart_mm = LargestDistance(loose.state, together.state);
     CAPTURE(room_mm, apart_mm, before_mm);
     if (before_mm > 0) CHECK(apart_mm < 0.7 * before_mm);

@@ -241,7 +241,7 @@ TEST_CASE("The hash tells states apart and equal ones not") {
   b = a;
   b.Rotate(1e-9);
   CHECK(HashState(a) != HashState(b));
-  // Frames and instrument places determine the further motion, so the hash includes them.
+  // Frames and instrument poses determine the further motion, so the hash includes them.
   b = Spun(model, a, std::vector<double>(a.tangents().size(), 1e-9));
   CHECK(HashState(a) != HashState(b));
   b = a;

@@ -70,7 +70,7 @@ class Manager {
   Manager(const Manager&) = delete;
   Manager& operator=(const Manager&) = delete;
 
-  std::string Heard() {
+  std::string Received() {
     char text[1000];
     const ssize_t size = recv(fd_, text, sizeof text, 0);
     return size < 0 ? "" : std::string(text, static_cast<std::size_t>(size));
@@ -142,17 +142,17 @@ TEST_CASE("A service manager gets what it asked for, as often as it needs") {
     setenv("WATCHDOG_USEC", "1000000", 1);
     ServiceManager daemon;
     daemon.Ready();
-    CHECK(manager.Heard() == "READY=1");
+    CHECK(manager.Received() == "READY=1");
     daemon.Status("running: all well\nREADY=0");
-    CHECK(manager.Heard() == "STATUS=running: all well");
+    CHECK(manager.Received() == "STATUS=running: all well");
     daemon.Alive(10000000);
-    CHECK(manager.Heard() == "WATCHDOG=1");
+    CHECK(manager.Received() == "WATCHDOG=1");
     daemon.Alive(10499999);
-    CHECK(manager.Heard().empty());
+    CHECK(manager.Received().empty());
     daemon.Alive(10500000);
-    CHECK(manager.Heard() == "WATCHDOG=1");
+    CHECK(manager.Received() == "WATCHDOG=1");
     daemon.Stopping();
-    CHECK(manager.Heard() == "STOPPING=1");
+    CHECK(manager.Received() == "STOPPING=1");
   }
 }
 
@@ -164,7 +164,7 @@ TEST_CASE("A watchdog that is meant for another process is left alone, and none 
     setenv("WATCHDOG_PID", "1", 1);
     ServiceManager daemon;
     daemon.Alive(10000000);
-    CHECK(manager.Heard().empty());
+    CHECK(manager.Received().empty());
   }
   setenv("NOTIFY_SOCKET", folder.Path("nobody").c_str(), 1);
   ServiceManager daemon;

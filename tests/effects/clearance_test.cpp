@@ -99,7 +99,7 @@ TEST_CASE("With room tips are on their own curves, and readings say how they lie
   const WireState& state = simulation.state();
   CHECK((tip(0) - state.tip()).norm() < 1e-9);
   // The catheter's mouth is on its own curve; the wire passes through it off center.
-  const double arc_mm = state.places()[1].insertion_mm;
+  const double arc_mm = state.poses()[1].insertion_mm;
   const Eigen::Vector3d mouth = PointAt(scene.rod(), state.curve(1), arc_mm);
   CHECK((tip(1) - mouth).norm() < 1e-9);
   const double off_mm = (mouth - PointAt(scene.rod(), state, arc_mm)).norm();

@@ -79,17 +79,17 @@ TEST_CASE("The expansion with loads on the end is that of finite differences") {
   PointLoad load(EverythingAtOnce());
   const std::vector<EnergyTerm*> terms{&load};
   WireMechanics mechanics(model, field, wall, terms);
-  Expansion at = mechanics.MakeExpansion();
-  Expansion there = mechanics.MakeExpansion();
+  QuadraticModel at = mechanics.MakeQuadraticModel();
+  QuadraticModel there = mechanics.MakeQuadraticModel();
   std::mt19937 random(21);
   WireState state = Wander(model, length_mm, 0.3, random);
-  mechanics.Expand(state, at);
+  mechanics.BuildModel(state, at);
   load.Begin(at.points);
-  mechanics.Expand(state, at);
+  mechanics.BuildModel(state, at);
   REQUIRE(at.derivatives.on_tangents.size() == 1);
   const int n = state.segments();
   const auto energy = [&](const Eigen::VectorXd& xi) {
-    mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
+    mechanics.BuildGradient(Stepped(model, state, Steps(xi)), there);
     return there.energy_mJ;
   };
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(2 * n);
@@ -125,17 +125,17 @@ TEST_CASE("Near the moment's axis the moment fades evenly") {
   PointLoad load(end);
   const std::vector<EnergyTerm*> terms{&load};
   WireMechanics mechanics(model, field, wall, terms);
-  Expansion at = mechanics.MakeExpansion();
+  QuadraticModel at = mechanics.MakeQuadraticModel();
   for (const double tilt : {0.02, 0.05, 0.09, 0.2}) {
     WireState state = LayStraight(model, 1);
     state = Stepped(model, state, {Vector2d(tilt, 0.3 * tilt)});
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
     load.Begin(at.points);
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
     const Vector2d gradient = at.gradient[0];
     const auto energy = [&](const Eigen::VectorXd& xi) {
-      Expansion there = mechanics.MakeExpansion();
-      mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
+      QuadraticModel there = mechanics.MakeQuadraticModel();
+      mechanics.BuildGradient(Stepped(model, state, Steps(xi)), there);
       return there.energy_mJ;
     };
     CHECK((GradientOf(energy, Eigen::VectorXd::Zero(2), 1e-4) - gradient).norm() <

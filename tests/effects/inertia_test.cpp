@@ -47,7 +47,7 @@ struct Swing {
     force.SetForce(Vector3d::Zero());
   }
   TickReport Tick(double step_s) {
-    inertia.Lapse(step_s);
+    inertia.AdvanceTime(step_s);
     CountedBudget budget(1000);
     const TickReport report = relaxation.Tick({kRod_mm, 0}, budget, state);
     REQUIRE(report.converged);
@@ -181,7 +181,7 @@ Vector3d FedSwing(double tick_s, double feed_mm, double max_feed_mm) {
   Settle(relaxation, {kRod_mm, 0}, state);
   force.SetForce(Vector3d::Zero());
   for (int k = 1; k * feed_mm < 8 + 1e-9; ++k) {
-    inertia.Lapse(tick_s);
+    inertia.AdvanceTime(tick_s);
     CountedBudget budget(1000);
     const TickReport report = relaxation.Tick({kRod_mm + k * feed_mm, 0}, budget, state);
     REQUIRE(report.converged);
@@ -207,7 +207,7 @@ TEST_CASE("Where a budget ends a tick, its time is not lost") {
   Swing cut(0, 0.5);
   constexpr double kStep_s = 1e-3;
   whole.Tick(kStep_s);
-  cut.inertia.Lapse(kStep_s);
+  cut.inertia.AdvanceTime(kStep_s);
   for (int k = 0; k < 10; ++k) {
     CountedBudget one(1);
     if (cut.relaxation.Tick({kRod_mm, 0}, one, cut.state).converged) break;
@@ -230,7 +230,7 @@ TEST_CASE("Velocities go with the material, also out of the sheath") {
   relaxation.Restart(state);
   constexpr double kSpeed_mm_s = 37;
   for (int k = 1; k <= 60; ++k) {
-    inertia.Lapse(2e-3);
+    inertia.AdvanceTime(2e-3);
     CountedBudget budget(100);
     const double fed_mm = kSpeed_mm_s * 2e-3 * k;
     REQUIRE(relaxation.Tick({20 + fed_mm, 0}, budget, state).converged);
@@ -251,37 +251,37 @@ TEST_CASE("The energy of a step has the gradient and the Hessian that it says") 
   effects::Inertia inertia(Matter(3, 20), {model, wall});
   const std::vector<EnergyTerm*> terms{&inertia};
   WireMechanics mechanics(model, field, wall, terms);
-  Expansion expansion = mechanics.MakeExpansion();
+  QuadraticModel quadratic = mechanics.MakeQuadraticModel();
   // One completed step that moved the wire, and a second that is in progress.
-  mechanics.Expand(Wander(model, 8, 0.2, random), expansion);
-  inertia.Begin(expansion.points);
-  inertia.End(expansion.points);
-  inertia.Lapse(1e-3);
-  inertia.Begin(expansion.points);
-  mechanics.Expand(Wander(model, 8, 0.2, random), expansion);
-  inertia.End(expansion.points);
-  inertia.Lapse(2e-3);
-  inertia.Begin(expansion.points);
+  mechanics.BuildModel(Wander(model, 8, 0.2, random), quadratic);
+  inertia.Begin(quadratic.points);
+  inertia.End(quadratic.points);
+  inertia.AdvanceTime(1e-3);
+  inertia.Begin(quadratic.points);
+  mechanics.BuildModel(Wander(model, 8, 0.2, random), quadratic);
+  inertia.End(quadratic.points);
+  inertia.AdvanceTime(2e-3);
+  inertia.Begin(quadratic.points);
   const WireState state = Wander(model, 8.3, 0.2, random);
   const auto energy = [&](const Eigen::VectorXd& x) {
-    Expansion at = mechanics.MakeExpansion();
-    mechanics.Expand(Stepped(model, state, Steps(x)), at);
+    QuadraticModel at = mechanics.MakeQuadraticModel();
+    mechanics.BuildModel(Stepped(model, state, Steps(x)), at);
     return at.energy_mJ;
   };
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(2 * state.segments());
-  mechanics.Expand(state, expansion);
+  mechanics.BuildModel(state, quadratic);
   const Eigen::VectorXd differences = GradientOf(energy, zero, 1e-3);
   for (int i = 0; i < state.segments(); ++i) {
-    CHECK((expansion.gradient[static_cast<std::size_t>(i)] - differences.segment<2>(2 * i)).norm() <
+    CHECK((quadratic.gradient[static_cast<std::size_t>(i)] - differences.segment<2>(2 * i)).norm() <
           1e-8 * differences.norm());
   }
   // The sweep's Newton step solves the dense system from finite differences.
   RiccatiSweep<BendStage> sweep(model.max_segments());
-  REQUIRE(sweep.Factor(model, state, expansion, 0));
+  REQUIRE(sweep.Factor(model, state, quadratic, 0));
   std::vector<Vector2d> step;
   std::vector<double> spin;
   std::vector<Vector3d> moved;
-  sweep.Step(model, state, expansion, step, spin, moved);
+  sweep.Step(model, state, quadratic, step, spin, moved);
   const Eigen::VectorXd dense =
       HessianOf(energy, zero, 3e-3).ldlt().solve(Eigen::VectorXd(-differences));
   for (int i = 0; i < state.segments(); ++i) {
@@ -326,7 +326,7 @@ struct Whip {
     std::vector<Vector3d> tips;
     const int every = static_cast<int>(std::lround(4e-3 / step_s));
     for (int k = 1; k * step_s < until_s + 1e-9; ++k) {
-      inertia.Lapse(step_s);
+      inertia.AdvanceTime(step_s);
       CountedBudget budget(2000);
       const double turned = kTurn_rad * std::min(1.0, k * step_s / 0.04);
       relaxation->Tick({kInside, turned}, budget, state);

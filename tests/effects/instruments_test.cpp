@@ -33,7 +33,7 @@ std::string WriteScene(const TemporaryFolder& folder, const std::string& instrum
   return path;
 }
 
-void Go(Simulation& simulation, const InstrumentPlaces& target) {
+void Go(Simulation& simulation, const InstrumentPoses& target) {
   for (int k = 0; k < 50; ++k) {
     simulator::Command command;
     command.target = target;

@@ -49,8 +49,8 @@ struct Apart {
     relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms);
     relaxation->Restart(state);
   }
-  void MoveTo(const InstrumentPlaces& places) {
-    REQUIRE(Settle(*relaxation, places, state, 400).converged);
+  void MoveTo(const InstrumentPoses& poses) {
+    REQUIRE(Settle(*relaxation, poses, state, 400).converged);
   }
 };
 
@@ -81,16 +81,16 @@ struct Lone {
 };
 
 TEST_CASE("Whatever leads, instruments that do not touch hang as each does alone") {
-  const InstrumentPlaces places =
-      GENERATE(InstrumentPlaces{{52.3, 0}, {41.9, 0}}, InstrumentPlaces{{38.6, 0}, {47.2, 0}});
+  const InstrumentPoses poses =
+      GENERATE(InstrumentPoses{{52.3, 0}, {41.9, 0}}, InstrumentPoses{{38.6, 0}, {47.2, 0}});
   const std::vector<double> weights_N_mm{2e-7, 9e-7};
   Apart both(weights_N_mm);
-  both.MoveTo(places);
+  both.MoveTo(poses);
   for (int k = 0; k < 2; ++k) {
-    CAPTURE(places[0].insertion_mm, k);
+    CAPTURE(poses[0].insertion_mm, k);
     Lone alone(k, weights_N_mm[static_cast<std::size_t>(k)]);
-    REQUIRE(Settle(*alone.relaxation, {places[k].insertion_mm, 0}, alone.state).converged);
-    const Vector3d tip = PointAt(both.stack.rod(k), both.state.curve(k), places[k].insertion_mm);
+    REQUIRE(Settle(*alone.relaxation, {poses[k].insertion_mm, 0}, alone.state).converged);
+    const Vector3d tip = PointAt(both.stack.rod(k), both.state.curve(k), poses[k].insertion_mm);
     const double sunk_mm = -alone.state.tip()[1];
     CHECK(sunk_mm > 1);
     CHECK(-tip[1] == Approx(sunk_mm).epsilon(2e-3));
@@ -106,16 +106,16 @@ TEST_CASE("An instrument weighs as much as is of it, wherever its tip falls") {
     points.behind_mm[0] = behind_mm;
     double length_mm = 0;
     for (int q = 0; q < points.size(); ++q) {
-      length_mm += points.PartOf(0, q) * points.weight_mm[static_cast<std::size_t>(q)];
+      length_mm += points.CoverageOf(0, q) * points.weight_mm[static_cast<std::size_t>(q)];
     }
     CHECK(length_mm == Approx(30 - behind_mm - in_sheath_mm).margin(1e-9));
   }
 }
 
 TEST_CASE("Weight and mass of two curves have the gradient of finite differences") {
-  const InstrumentPlaces places =
+  const InstrumentPoses poses =
       GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
-  TwoCurves curves(places, GENERATE(1, 3), 11, 0.7);
+  TwoCurves curves(poses, GENERATE(1, 3), 11, 0.7);
   effects::Gravity gravity(
       {Vector3d(1e-5, 2e-5, 0), Vector3d(-2e-5, 0, 1e-5), Vector3d(0, 1e-5, 2e-5)});
   effects::EffectContext context{curves.model, curves.wall};
@@ -124,15 +124,15 @@ TEST_CASE("Weight and mass of two curves have the gradient of finite differences
       {.linear_density_g_m = {0.7, 2, 3}, .fluid_kg_m3 = 1060, .drag_mPa_s = 7}, context);
   curves.terms.push_back(&gravity);
   curves.terms.push_back(&inertia);
-  curves.at = curves.mechanics.MakeExpansion();
-  curves.mechanics.Expand(curves.state, curves.at);
-  inertia.Lapse(0.002);
+  curves.at = curves.mechanics.MakeQuadraticModel();
+  curves.mechanics.BuildModel(curves.state, curves.at);
+  inertia.AdvanceTime(0.002);
   for (int c = 0; c < curves.stack.curves(); ++c) inertia.Begin(curves.at.curve(c).points);
   Eigen::VectorXd x = Eigen::VectorXd::Constant(curves.unknowns(), 8e-3);
   for (Eigen::Index k = 0; k < x.size(); k += 3) x[k] = -5e-3;
   curves.state = curves.Stepped(x);
   curves.Forget();
-  curves.mechanics.Expand(curves.state, curves.at);
+  curves.mechanics.BuildModel(curves.state, curves.at);
   REQUIRE(curves.at.dissipated_mJ > 1e-8);
   const Eigen::VectorXd gradient =
       GradientOf([&](const Eigen::VectorXd& step) { return curves.Energy(step); },
@@ -141,15 +141,15 @@ TEST_CASE("Weight and mass of two curves have the gradient of finite differences
 }
 
 TEST_CASE("Room changes nothing in how much moves where both curves move alike") {
-  const InstrumentPlaces places = GENERATE(kWireLeads, kThreeWireLeads, kThreeCatheterLeads);
+  const InstrumentPoses poses = GENERATE(kWireLeads, kThreeWireLeads, kThreeCatheterLeads);
   const Vector3d moved_mm(0.1, 0.2, -0.3);
   const auto force_N = [&](const std::array<bool, kMostInstruments>& rooms) {
-    TwoCurves curves(places, 2, 11, 0, rooms);
+    TwoCurves curves(poses, 2, 11, 0, rooms);
     effects::EffectContext context{curves.model, curves.wall};
     context.stack = &curves.stack;
     effects::Inertia inertia({.linear_density_g_m = {0.7, 2, 3}, .fluid_kg_m3 = 1060}, context);
     curves.terms.push_back(&inertia);
-    inertia.Lapse(0.001);
+    inertia.AdvanceTime(0.001);
     Vector3d sum = Vector3d::Zero();
     for (int c = 0; c < curves.stack.curves(); ++c) {
       PointSet points = curves.at.curve(c).points;
@@ -176,25 +176,25 @@ TEST_CASE("Instruments that do not touch swing as each does alone, whichever lea
   const std::vector<double> weights_N_mm{3e-7, 1e-6};
   Apart both(weights_N_mm, kStep_s);
   Lone alone[2] = {Lone(0, weights_N_mm[0], kStep_s), Lone(1, weights_N_mm[1], kStep_s)};
-  const auto place_of = [&](int tick) {
+  const auto poses_at = [&](int tick) {
     // Both rest, then one slides in the other; at the end they swap places.
     const double way = 0.02 * tick;
-    return wire_leads ? InstrumentPlaces{{42.3 + way, 0}, {36.1, 0}}
-                      : InstrumentPlaces{{31.7 + way, 0}, {40.2, 0}};
+    return wire_leads ? InstrumentPoses{{42.3 + way, 0}, {36.1, 0}}
+                      : InstrumentPoses{{31.7 + way, 0}, {40.2, 0}};
   };
   double farthest_mm = 0;
   for (int tick = 0; tick < 600; ++tick) {
-    const InstrumentPlaces places = place_of(tick);
+    const InstrumentPoses poses = poses_at(tick);
     const auto move = [&](effects::Inertia& inertia, Relaxation& relaxation,
-                          const InstrumentPlaces& to, WireState& state) {
-      inertia.Lapse(kStep_s);
+                          const InstrumentPoses& to, WireState& state) {
+      inertia.AdvanceTime(kStep_s);
       CountedBudget budget(100000);
       REQUIRE(relaxation.Tick(to, budget, state).converged);
     };
-    move(*both.inertia, *both.relaxation, places, both.state);
+    move(*both.inertia, *both.relaxation, poses, both.state);
     for (int k = 0; k < 2; ++k) {
-      move(*alone[k].inertia, *alone[k].relaxation, {places[k].insertion_mm, 0}, alone[k].state);
-      const Vector3d tip = PointAt(both.stack.rod(k), both.state.curve(k), places[k].insertion_mm);
+      move(*alone[k].inertia, *alone[k].relaxation, {poses[k].insertion_mm, 0}, alone[k].state);
+      const Vector3d tip = PointAt(both.stack.rod(k), both.state.curve(k), poses[k].insertion_mm);
       CAPTURE(wire_leads, tick, k);
       REQUIRE((tip - alone[k].state.tip()).norm() < 0.05);
       farthest_mm = std::max(farthest_mm, -tip[1]);

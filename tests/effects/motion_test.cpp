@@ -133,8 +133,8 @@ TEST_CASE("Skipped look-ups change no bit where the vessel moves") {
   const std::vector<EnergyTerm*> none;
   WireMechanics skipping(model, field, wall, none);
   WireMechanics asking(model, field, wall, none);
-  Expansion a = skipping.MakeExpansion();
-  Expansion b = asking.MakeExpansion();
+  QuadraticModel a = skipping.MakeQuadraticModel();
+  QuadraticModel b = asking.MakeQuadraticModel();
   std::vector<Vector3d> path;
   for (double t = 0.02; t < 1.5; t += 0.02)
     path.emplace_back(20 * std::cos(t), 20 * std::sin(t), 0);
@@ -149,8 +149,8 @@ TEST_CASE("Skipped look-ups change no bit where the vessel moves") {
     for (int i = 0; i < state.segments(); ++i) xi.emplace_back(step(random), step(random));
     const WireState there = Stepped(model, state, xi);
     asking.points().Forget();
-    skipping.Expand(there, a);
-    asking.Expand(there, b);
+    skipping.BuildModel(there, a);
+    asking.BuildModel(there, b);
     REQUIRE(a.energy_mJ == b.energy_mJ);
     REQUIRE(a.residual == b.residual);
     REQUIRE(a.points.touches == b.points.touches);
@@ -262,7 +262,7 @@ TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted
   const SceneFile file(kMotions);
   scene::Scene scene(file.path());
   simulator::Simulation session(scene);
-  CHECK(session.lives());
+  CHECK(session.is_time_dependent());
   struct Step {
     simulator::Command command;
     int work;

@@ -24,9 +24,9 @@ constexpr double kCalcified_N_mm2 = 1;
 
 // 90 mm of wire along x on a floor under its weight; parts of the floor have another stiffness.
 struct LyingWire {
-  LyingWire(const ClearanceField& field, std::vector<Compliance::Part> parts,
+  LyingWire(const ClearanceField& field, std::vector<Compliance::RegionStiffness> regions,
             const vessel::MovingField* moving = nullptr)
-      : compliance(std::move(parts), Context(moving)),
+      : compliance(std::move(regions), Context(moving)),
         relaxation(model, field, SoftWall(), {.tolerance = 1e-8}, terms),
         state(LayStraight(model, 90)) {
     relaxation.Restart(state);
@@ -54,12 +54,12 @@ struct LyingWire {
     return context;
   }
   const WallModel& SoftWall() {
-    wall.by_place = compliance.wall_stiffness();
+    wall.stiffness_field = compliance.wall_stiffness();
     return wall;
   }
 };
 
-Compliance::Part Patch(double x_mm, double stiffness_N_mm2) {
+Compliance::RegionStiffness Patch(double x_mm, double stiffness_N_mm2) {
   return {Region::Ball(Vector3d(x_mm, 0, 0), 8, 2), stiffness_N_mm2};
 }
 
@@ -98,10 +98,10 @@ TEST_CASE("A calcified part goes with the vessel under a wire that rests") {
 TEST_CASE("Stiffness goes over along an edge without a step, and later parts lie over earlier") {
   const WireModel model = MakeWire({});
   const WallModel wall{.stiffness_N_mm2 = 2};
-  std::vector<Compliance::Part> parts;
-  parts.push_back({Region::Ball(Vector3d::Zero(), 5, 5), 200});
-  parts.push_back({Region::Ball(Vector3d(4, 0, 0), 1, 1), 0.5});
-  const Compliance compliance(std::move(parts), {model, wall});
+  std::vector<Compliance::RegionStiffness> regions;
+  regions.push_back({Region::Ball(Vector3d::Zero(), 5, 5), 200});
+  regions.push_back({Region::Ball(Vector3d(4, 0, 0), 1, 1), 0.5});
+  const Compliance compliance(std::move(regions), {model, wall});
   CHECK(compliance.At(Vector3d(-20, 0, 0)) == 2);
   CHECK(compliance.At(Vector3d(-5, 0, 0)) == Approx(200));
   CHECK(compliance.At(Vector3d(-7.5, 0, 0)) == Approx(20));  // halfway on a logarithmic scale
@@ -155,12 +155,12 @@ struct Row {
 
 TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's part") {
   Row row;
-  std::vector<effects::Friction::Part> parts;
-  parts.push_back({Region::Ball(Vector3d(2, 0, 0), 1.2, 0.3), 3.0});
+  std::vector<effects::Friction::RegionFactor> regions;
+  regions.push_back({Region::Ball(Vector3d(2, 0, 0), 1.2, 0.3), 3.0});
   effects::EffectContext context{row.model, row.wall};
   context.instruments = {
       {.name = "guidewire", .model = &row.model, .coating_mm = 4, .coating_coefficient = 0.05}};
-  effects::Friction friction(0.2, 0.005, context, std::move(parts));
+  effects::Friction friction(0.2, 0.005, context, std::move(regions));
   const std::vector<double> forces = row.Slipping(friction);
   for (int q = 0; q < Row::kPoints; ++q) {
     INFO("point " << q);

@@ -60,8 +60,8 @@ bool Accepts(std::span<const std::uint8_t> input) {
     }
     commands.Age(now_us);
     const simulator::Command& wanted = commands.command();
-    if (!simulator::Usable(wanted.target[0]) || !simulator::Usable(wanted.controls) ||
-        !simulator::Usable(wanted.controls.imaging)) {
+    if (!simulator::IsValid(wanted.target[0]) || !simulator::IsValid(wanted.controls) ||
+        !simulator::IsValid(wanted.controls.imaging)) {
       throw std::logic_error("what cannot be wanted is");
     }
     commands.State();

@@ -91,9 +91,9 @@ TEST_CASE("an update follows the energy's gradient across the segment: (6) to (1
   std::mt19937 random(1);
   WireState state = Wander(model, 20, 0.2, random);
   WireMechanics mechanics(model, field, wall, kNoTerms);
-  Expansion expansion = mechanics.MakeExpansion();
-  mechanics.ExpandGradient(state, expansion);
-  REQUIRE(expansion.max_penetration_mm > 0);
+  QuadraticModel quadratic = mechanics.MakeQuadraticModel();
+  mechanics.BuildGradient(state, quadratic);
+  REQUIRE(quadratic.max_penetration_mm > 0);
 
   for (const int i : {0, 1, 17, 38, 39}) {
     CAPTURE(i);
@@ -112,8 +112,8 @@ TEST_CASE("an update follows the energy's gradient across the segment: (6) to (1
     const double length = state.SegmentLength(model, i);
     const double rho = (joint(i) + (i + 1 < 40 ? joint(i + 1) : 0)) / length;
     const Vector2d across(state.normals()[i].dot(du), u.cross(state.normals()[i]).dot(du));
-    CHECK((-rho * length * across - expansion.gradient[i]).norm() <
-          1e-9 * std::max(1e-5, expansion.gradient[i].norm()));
+    CHECK((-rho * length * across - quadratic.gradient[i]).norm() <
+          1e-9 * std::max(1e-5, quadratic.gradient[i].norm()));
   }
 }
 

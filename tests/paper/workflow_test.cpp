@@ -161,7 +161,7 @@ TEST_CASE("the workflow gives the same bits for the same work") {
       // The first run uses random budgets, as with a clock; the second repeats the work of the
       // first.
       CountedBudget budget(run == 0 ? units(random) : granted[k]);
-      const InstrumentPlaces target{100 + 1.25 * k - (k > 40 ? 2.5 * (k - 40) : 0.0), 0.05 * k};
+      const InstrumentPoses target{100 + 1.25 * k - (k > 40 ? 2.5 * (k - 40) : 0.0), 0.05 * k};
       const TickReport report = relaxation.Tick(target, budget, c.state);
       if (run == 0) granted.push_back(report.work);
       if (run == 1) CHECK(report.work == granted[k]);

@@ -69,11 +69,11 @@ struct SideBySide {
   int upper() const { return settings.upper_first ? 0 : 1; }
   const Curve& Upper() const { return state.curve(upper()); }
   const Curve& Lower() const { return state.curve(1 - upper()); }
-  void MoveTo(const InstrumentPlace& upper_place, const InstrumentPlace& lower_place) {
-    InstrumentPlaces places(2);
-    places[upper()] = upper_place;
-    places[1 - upper()] = lower_place;
-    REQUIRE(Settle(*relaxation, places, state, 400).converged);
+  void MoveTo(const InstrumentPose& upper_pose, const InstrumentPose& lower_pose) {
+    InstrumentPoses poses(2);
+    poses[upper()] = upper_pose;
+    poses[1 - upper()] = lower_pose;
+    REQUIRE(Settle(*relaxation, poses, state, 400).converged);
   }
   const BetweenCurves& Between() const { return relaxation->Current().between.front(); }
 };
@@ -114,7 +114,7 @@ TEST_CASE("A strong force drives no instrument through the one beside it in a st
   SideBySide pair({.upper_N_mm2 = 0.5, .gap_mm = 3});
   pair.MoveTo({60, 0}, {50, 0});
   pair.force.SetForce({0, 0, -0.2});
-  const InstrumentPlaces here = pair.state.places();
+  const InstrumentPoses here = pair.state.poses();
   const auto apart = [&pair](int node) -> Vector3d {
     const auto k = static_cast<std::size_t>(node);
     return pair.Upper().nodes()[k] - pair.Lower().nodes()[k];

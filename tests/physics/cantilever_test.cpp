@@ -117,7 +117,7 @@ TEST_CASE("The error that a state says is its distance from the balance") {
   int compared = 0;
   while (residual > 1e-10) {
     CountedBudget budget(1);
-    residual = beam.relaxation.Tick(beam.state.places(), budget, beam.state).residual;
+    residual = beam.relaxation.Tick(beam.state.poses(), budget, beam.state).residual;
     const double error_mm = Apart(beam.state, exact.state);
     INFO("length " << length << ", residual " << residual << ", error " << error_mm << " mm");
     if (error_mm > 0.1 * length || error_mm < 1e-7 * length) continue;
@@ -137,7 +137,7 @@ TEST_CASE("A tolerance in mm holds for the position, however long the wire") {
   NewtonRelaxation relaxation(beam.model, beam.field, beam.wall,
                               {.tolerance = 1, .tolerance_mm = tolerance_mm}, beam.terms);
   relaxation.Restart(beam.state);
-  CHECK(Settle(relaxation, beam.state.places(), beam.state).converged);
+  CHECK(Settle(relaxation, beam.state.poses(), beam.state).converged);
   CHECK(Apart(beam.state, exact.state) < 1.3 * tolerance_mm);
 }
 
@@ -233,7 +233,7 @@ double BucklingForce(int n) {
   const WallModel wall;
   const std::vector<EnergyTerm*> terms{&force};
   WireMechanics mechanics(model, field, wall, terms);
-  Expansion expansion = mechanics.MakeExpansion();
+  QuadraticModel quadratic = mechanics.MakeQuadraticModel();
   RiccatiSweep<BendStage> sweep(model.max_segments());
   const WireState state = LayStraight(model, kCantilever_mm);
   double stable = 0;
@@ -241,8 +241,8 @@ double BucklingForce(int n) {
   for (int k = 0; k < 60; ++k) {
     const double middle = (stable + unstable) / 2;
     force.SetForce(Vector3d(-middle, 0, 0));
-    mechanics.Expand(state, expansion);
-    (sweep.Factor(model, state, expansion, 0) ? stable : unstable) = middle;
+    mechanics.BuildModel(state, quadratic);
+    (sweep.Factor(model, state, quadratic, 0) ? stable : unstable) = middle;
   }
   return stable;
 }

@@ -40,7 +40,7 @@ struct Loose {
         state(stack.rod(), 2) {
     relaxation->Restart(state);
   }
-  int MoveTo(const InstrumentPlaces& target) {
+  int MoveTo(const InstrumentPoses& target) {
     int iterations = 0;
     TickReport report;
     for (int k = 0; k < 400; ++k) {
@@ -93,7 +93,7 @@ TEST_CASE("Pushed across beyond a stiff catheter's mouth a wire turns in its roo
 }
 
 // Distance in mm between the equilibrium with this clearance and the one without clearance.
-double ApartWithRoom(double room_mm, const InstrumentPlaces& places) {
+double ApartWithRoom(double room_mm, const InstrumentPoses& poses) {
   const auto bent = [](double rigidity_N_mm2, double radius_mm, double curvature) {
     return WireModel(1, {{0, rigidity_N_mm2, radius_mm, curvature}}, 0, 120, BendingLaw::kExact,
                      {});
@@ -101,7 +101,7 @@ double ApartWithRoom(double room_mm, const InstrumentPlaces& places) {
   const std::vector<WireModel> instruments = {bent(kWire_N_mm2, kWireRadius_mm, 0.02),
                                               bent(2 * kWire_N_mm2, 0.5, -0.01)};
   Loose loose(instruments, kWireRadius_mm + room_mm, {1e-6, 0, 3e-6}, 2, 1000);
-  loose.MoveTo(places);
+  loose.MoveTo(poses);
   InstrumentStack stack(instruments);
   const FreeSpace field;
   const WallModel wall;
@@ -110,16 +110,16 @@ double ApartWithRoom(double room_mm, const InstrumentPlaces& places) {
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms);
   WireState state(stack.rod(), 2);
   relaxation->Restart(state);
-  REQUIRE(Settle(*relaxation, places, state, 400).converged);
+  REQUIRE(Settle(*relaxation, poses, state, 400).converged);
   return LargestDistance(loose.state.Farthest(), state);
 }
 
 TEST_CASE("With ever less room two curves come to the one of instruments without") {
-  const InstrumentPlaces places =
-      GENERATE(InstrumentPlaces{{50, 0.4}, {37.3, -1}}, InstrumentPlaces{{31.6, 0.4}, {50, -1}});
-  const double wide_mm = ApartWithRoom(0.2, places);
-  const double half_mm = ApartWithRoom(0.1, places);
-  const double narrow_mm = ApartWithRoom(0.01, places);
+  const InstrumentPoses poses =
+      GENERATE(InstrumentPoses{{50, 0.4}, {37.3, -1}}, InstrumentPoses{{31.6, 0.4}, {50, -1}});
+  const double wide_mm = ApartWithRoom(0.2, poses);
+  const double half_mm = ApartWithRoom(0.1, poses);
+  const double narrow_mm = ApartWithRoom(0.01, poses);
   CAPTURE(wide_mm, half_mm, narrow_mm);
   // Proportional to the root of the clearance: moments at tip ends decay over such a length.
   CHECK(half_mm == Approx(wide_mm / std::sqrt(2)).epsilon(0.1));

@@ -24,7 +24,7 @@ struct Round {
   InternalForces forces;
   HandForces hands;
 
-  Round(std::vector<WireModel> instruments, const InstrumentPlaces& places,
+  Round(std::vector<WireModel> instruments, const InstrumentPoses& poses,
         const Clearance& clearance = {})
       : stack(std::move(instruments), clearance),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
@@ -33,13 +33,13 @@ struct Round {
     for (double a = 0.01; a < 5; a += 0.01) {
       path.emplace_back(kRing * std::cos(a), kRing * std::sin(a), 0);
     }
-    stack.Combine(places);
-    state = WireState::Along(stack.rod(), path, places);
+    stack.Combine(poses);
+    state = WireState::Along(stack.rod(), path, poses);
     relaxation->Restart(state);
-    GoTo(places);
+    GoTo(poses);
   }
-  void GoTo(const InstrumentPlaces& places) {
-    REQUIRE(Settle(*relaxation, places, state, 200).converged);
+  void GoTo(const InstrumentPoses& poses) {
+    REQUIRE(Settle(*relaxation, poses, state, 200).converged);
   }
   double energy() const { return relaxation->Current().energy_mJ; }
   const HandForce& Hand(int k, const Sliding& sliding = {}) {
@@ -72,29 +72,29 @@ std::vector<WireModel> Bent(int count, double segment_mm, double torsional_ratio
   return three;
 }
 
-InstrumentPlaces Inside(int count, double turned_rad) {
+InstrumentPoses Inside(int count, double turned_rad) {
   const double inside_mm[] = {95.3, 71.2, 40.4};
-  InstrumentPlaces places(count);
-  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], turned_rad + 0.3 * k};
-  return places;
+  InstrumentPoses poses(count);
+  for (int k = 0; k < count; ++k) poses[k] = {inside_mm[k], turned_rad + 0.3 * k};
+  return poses;
 }
 
 TEST_CASE("The hand's force is the energy that a push takes, of each instrument") {
   const int count = GENERATE(1, 2, 3);
   const double torsional_ratio = GENERATE(0.0, 0.1);
   const double segment_mm = 0.5;
-  const InstrumentPlaces places = Inside(count, 0);
-  Round round(Bent(count, segment_mm, torsional_ratio), places);
+  const InstrumentPoses poses = Inside(count, 0);
+  Round round(Bent(count, segment_mm, torsional_ratio), poses);
   for (int k = 0; k < count; ++k) {
     const HandForce hand = round.Hand(k);
-    InstrumentPlaces there = places;
+    InstrumentPoses there = poses;
     there[k].insertion_mm += segment_mm;
     round.GoTo(there);
     const double more = round.energy();
     there[k].insertion_mm -= 2 * segment_mm;
     round.GoTo(there);
     const double work = (more - round.energy()) / (2 * segment_mm);
-    round.GoTo(places);
+    round.GoTo(poses);
     INFO("instrument " << k << " of " << count << ", GJ/EI " << torsional_ratio);
     CHECK(hand.axial_N == Approx(work).margin(1e-5));
   }
@@ -109,21 +109,21 @@ TEST_CASE("With room, too, the hand's force is the energy that a push takes") {
   const double torsional_ratio = GENERATE(0.0, 0.1);
   const bool outer_leads = GENERATE(false, true);
   const double segment_mm = 0.25;  // forces have a ripple with the period of a segment
-  InstrumentPlaces places = Inside(count, 0);
-  if (outer_leads) std::swap(places[0].insertion_mm, places[1].insertion_mm);
-  Round round(Bent(count, segment_mm, torsional_ratio), places, kRoom);
+  InstrumentPoses poses = Inside(count, 0);
+  if (outer_leads) std::swap(poses[0].insertion_mm, poses[1].insertion_mm);
+  Round round(Bent(count, segment_mm, torsional_ratio), poses, kRoom);
   REQUIRE(round.relaxation->Current().between[0].pressed_N > 1e-3);
   double sum_N = 0;
   for (int k = 0; k < count; ++k) {
     const HandForce hand = round.Hand(k);
-    InstrumentPlaces there = places;
+    InstrumentPoses there = poses;
     there[k].insertion_mm += segment_mm;
     round.GoTo(there);
     const double more = round.energy();
     there[k].insertion_mm -= 2 * segment_mm;
     round.GoTo(there);
     const double work = (more - round.energy()) / (2 * segment_mm);
-    round.GoTo(places);
+    round.GoTo(poses);
     INFO("instrument " << k << " of " << count << ", GJ/EI " << torsional_ratio
                        << (outer_leads ? ", the outer one leads" : ""));
     CHECK(hand.axial_N == Approx(work).margin(1e-4));
@@ -134,15 +134,15 @@ TEST_CASE("With room, too, the hand's force is the energy that a push takes") {
 
 TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it lies") {
   const int count = GENERATE(1, 3);
-  const InstrumentPlaces places = Inside(count, 0.4);
-  Round round(Bent(count, 0.5), places);
+  const InstrumentPoses poses = Inside(count, 0.4);
+  Round round(Bent(count, 0.5), poses);
   for (int k = 0; k < count; ++k) {
     const double torque = round.Hand(k).torque_mJ;
     const auto turned = [&](double by_rad) {
       WireState there = round.state;
-      InstrumentPlaces at = places;
+      InstrumentPoses at = poses;
       at[k].rotation_rad += by_rad;
-      there.SetPlaces(at);
+      there.SetPoses(at);
       if (count == 1) there.Rotate(at[0].rotation_rad);
       round.relaxation->Restart(there);
       return round.energy();
@@ -159,20 +159,20 @@ TEST_CASE("The hand's torque on a twisting wire is the energy of a turn") {
   const int count = GENERATE(1, 2, 3);
   const bool room = GENERATE(false, true);
   if (count == 1 && room) return;
-  const InstrumentPlaces places = Inside(count, 0.4);
+  const InstrumentPoses poses = Inside(count, 0.4);
   // The work of the bulges is left out, an error of second order.
   const double segment_mm = room ? 0.25 : 0.5;
-  Round round(Bent(count, segment_mm, 0.1), places, room ? kRoom : Clearance());
+  Round round(Bent(count, segment_mm, 0.1), poses, room ? kRoom : Clearance());
   for (int k = 0; k < count; ++k) {
     const double torque = round.Hand(k).torque_mJ;
     const auto turned = [&](double by_rad) {
-      InstrumentPlaces there = places;
+      InstrumentPoses there = poses;
       there[k].rotation_rad += by_rad;
       round.GoTo(there);
       return round.energy();
     };
     const double work = (turned(0.01) - turned(-0.01)) / 0.02;
-    round.GoTo(places);
+    round.GoTo(poses);
     INFO("instrument " << k << " of " << count);
     CHECK(torque == Approx(work).epsilon(1e-3).margin(1e-7));
     if (k < 2) CHECK(std::abs(work) > 1e-4);
@@ -189,25 +189,25 @@ TEST_CASE("Instruments that bend each other push and turn with the energy that t
   instruments.push_back(Instrument(segment_mm, 1, 0.2, shaped_at_clamp ? 138.2 : 45.3, 0.03, 0.3));
   instruments.push_back(
       Instrument(segment_mm, 2, 0.4, shaped_at_clamp ? 138.2 : 13.4, catheter_1_per_mm, 0.3));
-  const InstrumentPlaces places{{95.3, 0.4}, {71.2, 1.2}};
-  Round round(std::move(instruments), places);
+  const InstrumentPoses poses{{95.3, 0.4}, {71.2, 1.2}};
+  Round round(std::move(instruments), poses);
   const auto work = [&](auto change, double by) {
     double energy_mJ[2];
     for (const int way : {1, -1}) {
-      InstrumentPlaces there = places;
+      InstrumentPoses there = poses;
       change(there, way * by);
       round.GoTo(there);
       energy_mJ[way == 1] = round.energy();
     }
-    round.GoTo(places);
+    round.GoTo(poses);
     return (energy_mJ[1] - energy_mJ[0]) / (2 * by);
   };
   for (int k = 0; k < 2; ++k) {
     const HandForce hand = round.Hand(k);
     const double push_N =
-        work([k](InstrumentPlaces& there, double mm) { there[k].insertion_mm += mm; }, segment_mm);
+        work([k](InstrumentPoses& there, double mm) { there[k].insertion_mm += mm; }, segment_mm);
     const double turn_mJ =
-        work([k](InstrumentPlaces& there, double rad) { there[k].rotation_rad += rad; }, 0.01);
+        work([k](InstrumentPoses& there, double rad) { there[k].rotation_rad += rad; }, 0.01);
     INFO("instrument " << k << ", catheter " << catheter_1_per_mm
                        << (shaped_at_clamp ? ", shaped at the clamp" : ""));
     // The sheath holds a shaped instrument straight. A push releases that energy.
@@ -284,19 +284,19 @@ TEST_CASE("A wire drawn through a round catheter is held back by the capstan law
                                   .radius_mm = 0.5,
                                   .tip_mm = 90,
                                   .tip_curvature_1_per_mm = 1 / kRing}));
-  const InstrumentPlaces places{{70, 0}, {60, 0}};
+  const InstrumentPoses poses{{70, 0}, {60, 0}};
   const double angle = 60 / kRing;
   InstrumentStack stack(std::move(instruments));
-  stack.Combine(places);
+  stack.Combine(poses);
   const Vector3d& normal = stack.rod().sheath_normal();
   EndForce force(kForce * (std::cos(angle) * Vector3d::UnitX() + std::sin(angle) * normal));
   const FreeSpace field;
   const WallModel wall;
   const std::vector<EnergyTerm*> terms{&force};
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
-  WireState state = WireState::Along(stack.rod(), {}, places);
+  WireState state = WireState::Along(stack.rod(), {}, poses);
   relaxation->Restart(state);
-  REQUIRE(Settle(*relaxation, places, state, 200).converged);
+  REQUIRE(Settle(*relaxation, poses, state, 200).converged);
   InternalForces forces;
   FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
   HandForces hands;

@@ -108,15 +108,15 @@ struct Member {
 // End of the simulated instruments, the innermost first.
 Vector3d EndOfStack(const std::vector<Member>& members, double force_N, double segment_mm) {
   std::vector<WireModel> models;
-  InstrumentPlaces places(static_cast<int>(members.size()));
+  InstrumentPoses poses(static_cast<int>(members.size()));
   for (std::size_t k = 0; k < members.size(); ++k) {
     models.emplace_back(segment_mm, members[k].sections, 0, kLength_mm, BendingLaw::kExact,
                         Sheath());
-    places[static_cast<int>(k)] = {members[k].insertion_mm,
-                                   members[k].turned ? std::numbers::pi : 0};
+    poses[static_cast<int>(k)] = {members[k].insertion_mm,
+                                  members[k].turned ? std::numbers::pi : 0};
   }
   InstrumentStack stack(std::move(models));
-  stack.Combine(places);
+  stack.Combine(poses);
   // The first normal is the direction of the rest curvature; the force bends the wire the same way.
   const Vector3d towards = stack.rod().sheath_normal();
   EndForce force(force_N * towards);
@@ -124,9 +124,9 @@ Vector3d EndOfStack(const std::vector<Member>& members, double force_N, double s
   const FreeSpace field;
   const WallModel wall;
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-10}, terms);
-  WireState state = WireState::Along(stack.rod(), {}, places);
+  WireState state = WireState::Along(stack.rod(), {}, poses);
   relaxation->Restart(state);
-  REQUIRE(Settle(*relaxation, places, state).converged);
+  REQUIRE(Settle(*relaxation, poses, state).converged);
   const Vector3d end = state.nodes().back();
   return {end[0], end.dot(towards), 0};
 }

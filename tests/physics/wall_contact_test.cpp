@@ -43,7 +43,7 @@ TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lift
 
   const double tension = force_N - rigidity / (2 * radius * radius);
   const double leaves = pull - 2 * std::asin(std::sqrt(rigidity / force_N) / (2 * radius));
-  const Expansion& at = relaxation.Current();
+  const QuadraticModel& at = relaxation.Current();
   double last_contact = 0;
   double load = 0;
   double length = 0;
@@ -86,7 +86,7 @@ TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a to
   WireState state(model);
   relaxation.Restart(state);
   REQUIRE(Settle(relaxation, {130, 0}, state).converged);
-  const Expansion& at = relaxation.Current();
+  const QuadraticModel& at = relaxation.Current();
 
   const auto tip = static_cast<std::size_t>(at.points.size() - 1);
   REQUIRE(at.points.touches[tip]);

@@ -88,17 +88,17 @@ class LiveScene {
   // Same until a state contains the command.
   bool SendAndSee(const std::string& instrument, double insertion_mm, double rotation_rad) {
     return Send(instrument, insertion_mm, rotation_rad,
-                [&] { return Heard() && At(instrument).command_sequence == command.sequence; });
+                [&] { return HasState() && At(instrument).command_sequence == command.sequence; });
   }
   // Same until the instrument has arrived: a tick with too little time carries a remainder over.
   bool SendAndArrive(const std::string& instrument, double insertion_mm, double rotation_rad) {
     return Send(instrument, insertion_mm, rotation_rad, [&] {
-      return Heard() && At(instrument).command_sequence == command.sequence &&
+      return HasState() && At(instrument).command_sequence == command.sequence &&
              At(instrument).carried_mm == 0 && At(instrument).carried_rad == 0;
     });
   }
 
-  bool Heard() const { return !state_.instruments.empty(); }
+  bool HasState() const { return !state_.instruments.empty(); }
   const torquer_lcm::wire_state_t& state() const { return state_; }
   const torquer_lcm::instrument_state_t& At(const std::string& instrument) const {
     for (const torquer_lcm::instrument_state_t& one : state_.instruments) {

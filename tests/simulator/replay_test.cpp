@@ -23,12 +23,12 @@ using torquer::test::SceneFile;
 namespace {
 
 // Moves every instrument back and forth, each at its own rate.
-torquer::InstrumentPlaces Moved(torquer::InstrumentPlaces places, int tick) {
-  for (int k = 0; k < places.size(); ++k) {
-    places[k].insertion_mm += 15 / (k + 1.0) * std::sin((0.07 + 0.02 * k) * tick) + 0.013 * tick;
-    places[k].rotation_rad = 0.1 * (k + 1) * std::cos(0.2 * tick);
+torquer::InstrumentPoses Moved(torquer::InstrumentPoses poses, int tick) {
+  for (int k = 0; k < poses.size(); ++k) {
+    poses[k].insertion_mm += 15 / (k + 1.0) * std::sin((0.07 + 0.02 * k) * tick) + 0.013 * tick;
+    poses[k].rotation_rad = 0.1 * (k + 1) * std::cos(0.2 * tick);
   }
-  return places;
+  return poses;
 }
 
 // Runs and records a session of `ticks` with random budgets, as with a clock. `spoil` may change a

@@ -30,7 +30,7 @@ std::vector<std::vector<Vector3d>> Push(torquer::scene::Scene& scene, double pus
   torquer::simulator::Simulation simulation(scene);
   torquer::simulator::Command command;
   command.target = simulation.target();
-  const torquer::InstrumentPlace start = command.target[0];
+  const torquer::InstrumentPose start = command.target[0];
   std::vector<std::vector<Vector3d>> shapes;
   const int rows = static_cast<int>(std::lround(push_mm / row_mm));
   for (int k = 1; k <= rows; ++k) {

@@ -8,7 +8,7 @@
 #include "tests/support/scenes.h"
 
 using torquer::CountedBudget;
-using torquer::InstrumentPlaces;
+using torquer::InstrumentPoses;
 using torquer::simulator::Command;
 using torquer::simulator::Simulation;
 using torquer::test::SceneFile;
@@ -19,7 +19,7 @@ constexpr char kFineSegments[] = "[relaxation]\nsegment_mm = 0.05\n";
 
 Command To(double insertion_mm, double rotation_rad = 0) {
   Command command;
-  command.target = InstrumentPlaces(insertion_mm, rotation_rad);
+  command.target = InstrumentPoses(insertion_mm, rotation_rad);
   return command;
 }
 

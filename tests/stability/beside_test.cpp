@@ -144,7 +144,7 @@ TEST_CASE("Whatever hands do with instruments beside each other, none passes thr
     std::mt19937 random(seed);
     DrawnBeside drawn(layout, random);
     const int count = drawn.stack.size();
-    InstrumentPlaces goal(count);
+    InstrumentPoses goal(count);
     double least = 1;
     int passed = 0;
     std::map<std::pair<int, int>, Vector3d> before;
@@ -153,7 +153,7 @@ TEST_CASE("Whatever hands do with instruments beside each other, none passes thr
         goal[k].insertion_mm = std::clamp(goal[k].insertion_mm + Between(random, -4, 6), 0.0, 60.0);
         goal[k].rotation_rad += Between(random, -3, 3);
       }
-      if (move == 30) goal = InstrumentPlaces(count);  // all out, then in again
+      if (move == 30) goal = InstrumentPoses(count);  // all out, then in again
       // One iteration at a time; hands do not wait until the instruments are at rest.
       const int looks = static_cast<int>(5 + random() % 60);
       for (int look = 0; look < looks; ++look) {

@@ -77,7 +77,7 @@ void CheckCurves(const Drawn& drawn) {
     CAPTURE(c);
     CHECK_THAT(BrokenGeometry(rod, curve), Catch::Equals(""));
     // The curve reaches as far as its instruments.
-    CHECK(curve.insertion_mm() == Approx(drawn.stack.Reach(c, curve.places())).margin(1e-9));
+    CHECK(curve.insertion_mm() == Approx(drawn.stack.Reach(c, curve.poses())).margin(1e-9));
   }
   CHECK(std::isfinite(drawn.relaxation->Current().energy_mJ));
 }
@@ -91,7 +91,7 @@ TEST_CASE("Whatever hands do with instruments that have room, both curves stay w
     std::mt19937 random(seed);
     Drawn drawn(random);
     const int count = drawn.stack.size();
-    InstrumentPlaces goal(count);
+    InstrumentPoses goal(count);
     // When the second instrument is withdrawn, the wire lies in the third.
     const double room_mm = Drawn::kLumen_mm[count - 1] - drawn.stack.instrument(0).radius_mm(0);
     double offset_mm = 0;
@@ -100,7 +100,7 @@ TEST_CASE("Whatever hands do with instruments that have room, both curves stay w
         goal[k].insertion_mm = std::max(0.0, goal[k].insertion_mm + Between(random, -6, 9));
         goal[k].rotation_rad += Between(random, -1, 1);
       }
-      if (move == 20) goal = InstrumentPlaces(count);  // all out, then in again
+      if (move == 20) goal = InstrumentPoses(count);  // all out, then in again
       CountedBudget budget(static_cast<int>(20 + random() % 400));
       const TickReport report = drawn.relaxation->Tick(goal, budget, drawn.state);
       if (report.converged) {

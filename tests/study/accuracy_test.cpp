@@ -82,12 +82,12 @@ TEST_CASE("The residual a length does not depend on the segments") {
     const WireModel model = MakeWire({.segment_mm = segment_mm});
     const WallModel wall{.stiffness_N_mm2 = 0.01};
     WireMechanics mechanics(model, floor, wall, none);
-    Expansion expansion = mechanics.MakeExpansion();
+    QuadraticModel quadratic = mechanics.MakeQuadraticModel();
     WireState state = LaidAlong(model, {}, 40);
     state.UntwistFrames(model);
-    mechanics.ExpandGradient(state, expansion);
-    residuals.push_back(ResidualPerLength(model, state, expansion.gradient));
-    usual.push_back(expansion.residual);
+    mechanics.BuildGradient(state, quadratic);
+    residuals.push_back(ResidualPerLength(model, state, quadratic.gradient));
+    usual.push_back(quadratic.residual);
   }
   CHECK(residuals[1] == Approx(residuals[0]).epsilon(0.05));
   CHECK(usual[1] < 0.3 * usual[0]);

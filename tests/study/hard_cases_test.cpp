@@ -71,7 +71,7 @@ TEST_CASE("No step raises the energy of a wire that was laid in loops, and it co
 
 TEST_CASE("A tick that lies about the wire is found out") {
   AtRest rest;
-  const InstrumentPlaces here{50, 0};
+  const InstrumentPoses here{50, 0};
   const auto check = [&](const TickReport& report, const WireState& state) {
     return TickChecker(rest.model, rest.field, rest.state).Check(here, report, state, 2);
   };

@@ -14,7 +14,7 @@ namespace torquer::test {
 
 /// Gradient with respect to all unknowns: for each segment its step, then its spins.
 inline Eigen::VectorXd DenseGradient(const WireModel& model, const Curve& state,
-                                     const CurveExpansion& at) {
+                                     const CurveQuadraticModel& at) {
   const Eigen::Index spins = model.spins();
   const Eigen::Index each = 2 + spins;
   Eigen::VectorXd gradient(each * state.segments());
@@ -64,8 +64,8 @@ inline Eigen::VectorXd UnitWeight(const WireModel& model, const Curve& state) {
 /// diagonal for a weight of one.
 template <class Sweep>
 void CheckSweepIsDense(Sweep& sweep, const WireModel& model, const WireState& state,
-                       const Expansion& at, Eigen::MatrixXd hessian, const Eigen::VectorXd& unit,
-                       double weight) {
+                       const QuadraticModel& at, Eigen::MatrixXd hessian,
+                       const Eigen::VectorXd& unit, double weight) {
   // The Hessian stops being positive definite at minus its smallest eigenvalue as weight.
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));

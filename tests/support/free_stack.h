@@ -51,7 +51,7 @@ struct FreeStack {
         state(stack.rod(), stack.size()) {
     relaxation->Restart(state);
   }
-  void MoveTo(const InstrumentPlaces& target) {
+  void MoveTo(const InstrumentPoses& target) {
     const TickReport report = Settle(*relaxation, target, state, 400);
     REQUIRE(report.converged);
     REQUIRE(report.arrived());

@@ -35,7 +35,7 @@ struct PulledWire {
   InstrumentStack stack;
   FreeSpace field;
   WallModel wall;
-  InstrumentPlaces places{{kInside + 10, 0}, {kInside, 0}};
+  InstrumentPoses poses{{kInside + 10, 0}, {kInside, 0}};
   EndForce force{Vector3d::Zero()};
   effects::FrictionBetween friction;
   std::vector<EnergyTerm*> terms{&force, &friction};
@@ -88,10 +88,10 @@ struct PulledWire {
         friction(settings.mu, 1e-4, Context()),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {}, terms)),
         state(stack.rod(), stack.size()) {
-    if (settings.in_sheath) places = {places[0], places[1], {5, 0}};
-    stack.Combine(places);
+    if (settings.in_sheath) poses = {poses[0], poses[1], {5, 0}};
+    stack.Combine(poses);
     force.SetForce(kForce * Towards(kInside / kRing));
-    state = WireState::Along(stack.rod(), {}, places);
+    state = WireState::Along(stack.rod(), {}, poses);
     relaxation->Restart(state);
     Go(0, 0);
     Go(0, 0);  // the mutual contact forces are known from here on
@@ -102,11 +102,11 @@ struct PulledWire {
            std::sin(angle_rad) * stack.rod().sheath_normal();
   }
   void Go(double drawn_mm, double turned_rad, int steps = 1) {
-    const InstrumentPlace from = places[0];
+    const InstrumentPose from = poses[0];
     for (int k = 1; k <= steps; ++k) {
-      places[0] = {from.insertion_mm + k * drawn_mm / steps,
-                   from.rotation_rad + k * turned_rad / steps};
-      REQUIRE(Settle(*relaxation, places, state, 300).converged);
+      poses[0] = {from.insertion_mm + k * drawn_mm / steps,
+                  from.rotation_rad + k * turned_rad / steps};
+      REQUIRE(Settle(*relaxation, poses, state, 300).converged);
     }
   }
   // Force at the hand of the wire (0) or of the catheter (1).
@@ -125,7 +125,7 @@ struct PulledWire {
   // Angle in rad of the wire's tip relative to the catheter.
   double TipTurn() const {
     if (&state.CurveOf(1) == &state) {
-      const OfInstruments& turns = state.turns_rad().back();
+      const PerInstrument& turns = state.turns_rad().back();
       return turns[0] - turns[1];
     }
     const Curve& catheter = state.CurveOf(1);

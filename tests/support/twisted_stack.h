@@ -59,7 +59,7 @@ struct TwistedStack {
   std::vector<EnergyTerm*> terms{&force, &roll, &between};
   WireState state{model, stack.size()};
   WireMechanics mechanics{model, field, wall, terms};
-  Expansion at = mechanics.MakeExpansion();
+  QuadraticModel at = mechanics.MakeQuadraticModel();
   Eigen::Index each = 2 + stack.size();
 
   static std::vector<WireModel> Instruments(int count, const Sheath& sheath) {
@@ -78,16 +78,16 @@ struct TwistedStack {
     for (double a = 0.02; a < 1; a += 0.02) {
       arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
     }
-    const InstrumentPlace all[4] = {{15.1, 0.4}, {11.3, -0.8}, {8.0, 2}, {3.9, 0}};
-    InstrumentPlaces places(count);
-    for (int k = 0; k < count; ++k) places[k] = all[k];
-    stack.Combine(places);
-    mechanics.points().TakeRadii();
-    state = WireState::Along(model, arc, places);
+    const InstrumentPose all[4] = {{15.1, 0.4}, {11.3, -0.8}, {8.0, 2}, {3.9, 0}};
+    InstrumentPoses poses(count);
+    for (int k = 0; k < count; ++k) poses[k] = all[k];
+    stack.Combine(poses);
+    mechanics.points().UpdateRadii();
+    state = WireState::Along(model, arc, poses);
     Shake(model, 0.03, random, state);
     std::uniform_real_distribution<double> spin(-0.3, 0.3);
     Eigen::VectorXd x = Eigen::VectorXd::Zero(unknowns());
-    OfInstruments sum = {};
+    PerInstrument sum = {};
     for (int i = 0; i < state.segments(); ++i) {
       for (int k = 0; k < count; ++k) {
         sum[static_cast<std::size_t>(k)] += 0.2 - 0.15 * k + spin(random);
@@ -95,16 +95,16 @@ struct TwistedStack {
       }
     }
     state = StackStep(model, state, x);
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
     roll.Begin(at.points);
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
   }
 
   Eigen::Index unknowns() const { return each * state.segments(); }
   double Energy(const Eigen::VectorXd& x) {
-    Expansion there = mechanics.MakeExpansion();
+    QuadraticModel there = mechanics.MakeQuadraticModel();
     mechanics.points().Forget();
-    mechanics.ExpandGradient(StackStep(model, state, x), there);
+    mechanics.BuildGradient(StackStep(model, state, x), there);
     return there.energy_mJ;
   }
 };

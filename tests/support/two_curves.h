@@ -32,7 +32,7 @@ struct TwoCurves {
   std::vector<EnergyTerm*> terms{&force};  ///< more may be added before the first evaluation
   WireState state{model, stack.size()};
   WireMechanics mechanics;
-  Expansion at;
+  QuadraticModel at;
 
   using Marks = std::array<bool, kMostInstruments>;
   // Offset of the entry of an instrument that lies beside others, within a third one if that has
@@ -63,22 +63,22 @@ struct TwoCurves {
             .stiffness_N_mm2 = 2e-3};
   }
 
-  TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed, double ratio = 0,
+  TwoCurves(const InstrumentPoses& poses, int points_per_segment, unsigned seed, double ratio = 0,
             const Marks& rooms = {false, true, false, false}, const Marks& beside = {})
-      : stack(Instruments(sheath, ratio, places.size(), rooms, beside), ClearanceOf(rooms, beside)),
+      : stack(Instruments(sheath, ratio, poses.size(), rooms, beside), ClearanceOf(rooms, beside)),
         wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
         mechanics(stack, field, wall, terms),
-        at(mechanics.MakeExpansion()) {
+        at(mechanics.MakeQuadraticModel()) {
     std::mt19937 random(seed);
     std::vector<Vector3d> arc;
     for (double a = 0.02; a < 1; a += 0.02) {
       arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
     }
-    stack.Combine(places);
-    state = WireState::Along(model, arc, places);
+    stack.Combine(poses);
+    state = WireState::Along(model, arc, poses);
     LayCurves(stack, state);
     for (int c = 0; c < stack.curves(); ++c) {
-      mechanics.points(c).TakeRadii();
+      mechanics.points(c).UpdateRadii();
       std::mt19937 alike(seed);  // all curves are shaken alike, so that they stay near each other
       Shake(stack.rod(c), 0.03, alike, state.curve(c));
     }
@@ -98,7 +98,7 @@ struct TwoCurves {
     }
     state = Stepped(x);
     mechanics.PairCurves(state);
-    mechanics.Expand(state, at);
+    mechanics.BuildModel(state, at);
   }
 
   // Number of unknowns of a curve: for each segment a step, and a spin of each instrument.
@@ -125,9 +125,9 @@ struct TwoCurves {
     for (int c = 0; c < stack.curves(); ++c) mechanics.points(c).Forget();
   }
   double Energy(const Eigen::VectorXd& x) {
-    Expansion there = mechanics.MakeExpansion();
+    QuadraticModel there = mechanics.MakeQuadraticModel();
     Forget();
-    mechanics.ExpandGradient(Stepped(x), there);
+    mechanics.BuildGradient(Stepped(x), there);
     return there.energy_mJ;
   }
   Eigen::VectorXd Gradient() const {
@@ -166,10 +166,10 @@ struct TwoCurves {
   }
 };
 
-inline const InstrumentPlaces kWireLeads{{15.1, 0.4}, {10.7, -0.8}};
-inline const InstrumentPlaces kCatheterLeads{{9.9, 0.4}, {14.3, -0.8}};
+inline const InstrumentPoses kWireLeads{{15.1, 0.4}, {10.7, -0.8}};
+inline const InstrumentPoses kCatheterLeads{{9.9, 0.4}, {14.3, -0.8}};
 // Two instruments on the outer curve.
-inline const InstrumentPlaces kThreeWireLeads{{15.1, 0.4}, {10.7, -0.8}, {7.3, 0.5}};
-inline const InstrumentPlaces kThreeCatheterLeads{{9.9, 0.4}, {14.3, -0.8}, {7.3, 0.5}};
+inline const InstrumentPoses kThreeWireLeads{{15.1, 0.4}, {10.7, -0.8}, {7.3, 0.5}};
+inline const InstrumentPoses kThreeCatheterLeads{{9.9, 0.4}, {14.3, -0.8}, {7.3, 0.5}};
 
 }  // namespace torquer::test

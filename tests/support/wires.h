@@ -164,7 +164,7 @@ inline PointSet PressedPoint(double penetration_mm) {
 }
 
 /// Ticks with the same target until one converges; returns the last report.
-inline TickReport Settle(Relaxation& relaxation, const InstrumentPlaces& target, WireState& state,
+inline TickReport Settle(Relaxation& relaxation, const InstrumentPoses& target, WireState& state,
                          int most_ticks = 50) {
   TickReport report;
   for (int k = 0; k < most_ticks; ++k) {

@@ -63,7 +63,7 @@ class ToldSource : public ReportSource {
   std::size_t next_ = 0;
 };
 
-class Heard : public torquer::tools::ReadingSink {
+class ReadingLog : public torquer::tools::ReadingSink {
  public:
   void Take(const Reading& reading) override { readings.push_back(reading); }
   void Press(Key /*key*/) override {}
@@ -90,15 +90,15 @@ struct Bench {
   Reading After(const std::function<void(InputReport&)>& change) {
     change(report);
     source->waits.emplace_back([this](const ReportSource::Sink& sink) { Send(sink); });
-    readings.Wait(0, heard);
-    REQUIRE_FALSE(heard.readings.empty());
-    return heard.readings.back();
+    readings.Wait(0, log);
+    REQUIRE_FALSE(log.readings.empty());
+    return log.readings.back();
   }
 
   InputReport report = StillReport();
   ToldSource* source;  // owned by `readings`
   DeviceReadings readings;
-  Heard heard;
+  ReadingLog log;
 };
 
 }  // namespace
@@ -108,11 +108,11 @@ TEST_CASE("No reading is lost while the device is asked who it is") {
   const torquer::tools::DeviceFacts facts = bench.readings.Connect();
   CHECK(facts.serial == "SAID-1");
   CHECK(facts.cpi == 1200);
-  bench.readings.Wait(0, bench.heard);
-  REQUIRE(bench.heard.readings.size() == 3);
-  CHECK(bench.heard.readings[0].interrupted);
-  CHECK(bench.heard.readings[2].time_us == 2000);
-  CHECK_FALSE(bench.heard.readings[2].interrupted);
+  bench.readings.Wait(0, bench.log);
+  REQUIRE(bench.log.readings.size() == 3);
+  CHECK(bench.log.readings[0].interrupted);
+  CHECK(bench.log.readings[2].time_us == 2000);
+  CHECK_FALSE(bench.log.readings[2].interrupted);
 }
 
 TEST_CASE("Flags, quality, buttons and restarts are reported with the reading") {
@@ -146,7 +146,7 @@ TEST_CASE("A fault that would spoil a calibration ends the run with the reason")
   SECTION("another device") {
     bench.source->serial = "SAID-2";
     bench.source->waits.emplace_back(ToldSource::Connect);
-    CHECK_THROWS_WITH(bench.readings.Wait(0, bench.heard),
+    CHECK_THROWS_WITH(bench.readings.Wait(0, bench.log),
                       Contains("'SAID-1' was replaced by 'SAID-2'"));
   }
   SECTION("the same device, back again, does not") {
@@ -157,8 +157,8 @@ TEST_CASE("A fault that would spoil a calibration ends the run with the reason")
             .text = "it was unplugged"});
       ToldSource::Connect(sink);
     });
-    bench.readings.Wait(0, bench.heard);
-    CHECK(bench.heard.said == "it was unplugged; waiting for it\nthe device is connected again\n");
+    bench.readings.Wait(0, bench.log);
+    CHECK(bench.log.said == "it was unplugged; waiting for it\nthe device is connected again\n");
     CHECK(bench.After([](InputReport&) {}).interrupted);
   }
 }

@@ -18,15 +18,15 @@ ContactPoints::ContactPoints(const WireModel& model, const ClearanceField& field
             static_cast<std::size_t>(wall.points_per_segment)) {
   Forget();
   radius_mm_.resize(static_cast<std::size_t>(model.max_segments()) + 1);
-  TakeRadii();
-  if (wall.by_place != nullptr) stiffness_N_mm2_.assign(last_.size(), wall.stiffness_N_mm2);
+  UpdateRadii();
+  if (wall.stiffness_field != nullptr) stiffness_N_mm2_.assign(last_.size(), wall.stiffness_N_mm2);
 }
 
 void ContactPoints::Forget() {
   for (Lookup& look : last_) look.free_mm = -1;
 }
 
-void ContactPoints::TakeRadii() {
+void ContactPoints::UpdateRadii() {
   const auto per_segment = static_cast<std::size_t>(wall_.points_per_segment);
   for (std::size_t j = 0; j < radius_mm_.size(); ++j) {
     const double radius_mm = model_.radius_mm(static_cast<int>(j));
@@ -60,16 +60,16 @@ void ContactPoints::Reserve(PointSet& points) const {
   if (model_.stack_twists()) points.turns.angles_rad.reserve(segments);
 }
 
-void ContactPoints::TakeStiffness(const Curve& curve) {
-  if (wall_.by_place == nullptr) return;
+void ContactPoints::SampleStiffness(const Curve& curve) {
+  if (wall_.stiffness_field == nullptr) return;
   stiffness_travel_mm_ = field_.TravelMm();
   const int per_segment = wall_.points_per_segment;
   std::size_t q = static_cast<std::size_t>(curve.segments() * per_segment);
   for (int i = 0; i < curve.segments(); ++i) {
     const double length = curve.SegmentLength(model_, i);
     for (int k = 1; k <= per_segment; ++k) {
-      stiffness_N_mm2_[--q] =
-          wall_.by_place->At(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
+      stiffness_N_mm2_[--q] = wall_.stiffness_field->At(
+          curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
     }
   }
 }
@@ -79,7 +79,7 @@ void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
                                      PointSet& points) const {
   constexpr double kRoundingMm = 1e-9;
   const InstrumentStack::Range range = stack_ == nullptr
-                                           ? InstrumentStack::Range{0, curve.places().size()}
+                                           ? InstrumentStack::Range{0, curve.poses().size()}
                                            : stack_->OnCurve(number_);
   points.curve = number_;
   points.first_instrument = range.first;
@@ -89,7 +89,7 @@ void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
   points.first_spacing_mm = curve.first_segment_mm() / points.per_segment;
   for (int k = range.first; k < range.last; ++k) {
     points.behind_mm[static_cast<std::size_t>(k)] =
-        curve.insertion_mm() - curve.places()[k].insertion_mm;
+        curve.insertion_mm() - curve.poses()[k].insertion_mm;
   }
   if (model_.spins() > 0) points.turns.normals = curve.normals();
   points.turns.angles_rad = curve.turns_rad();
@@ -116,7 +116,7 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
   points.near.clear();
   PlaceInstruments(curve, in_lumen_mm, points);
   const double travel = field_.TravelMm();
-  if (travel != stiffness_travel_mm_) TakeStiffness(curve);
+  if (travel != stiffness_travel_mm_) SampleStiffness(curve);
   const double used_mm = travel / lipschitz_;
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {

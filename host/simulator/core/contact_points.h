@@ -31,7 +31,7 @@ struct WallModel {
                                ///< rough with the period of the segments.
   /// Replaces stiffness_N_mm2 if the stiffness varies with place; otherwise null. Every contact
   /// point samples it when the wire is moved, and keeps the sample until the next move.
-  const WallStiffness* by_place = nullptr;
+  const WallStiffness* stiffness_field = nullptr;
 };
 
 /// Places the contact points of one curve. Remembers the last look-up of each material
@@ -50,10 +50,10 @@ class ContactPoints {
   void Place(const Curve& curve, double in_lumen_mm, bool with_hessian, PointSet& points);
   /// Samples the wall's stiffness at every point. Call it after each move of the wire. Place does
   /// so itself after a move of the vessel.
-  void TakeStiffness(const Curve& curve);
+  void SampleStiffness(const Curve& curve);
   /// Updates the radii to those of the model where they have grown. Call it after they changed, as
   /// the radii of a rod of several instruments do.
-  void TakeRadii();
+  void UpdateRadii();
   /// Forgets the stored look-ups. Call it after the state was replaced rather than moved.
   void Forget();
   /// Takes over the stored look-ups of `twin`, which has the same points on the same vessel.

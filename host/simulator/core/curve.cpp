@@ -14,10 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Products and conjugates of unit complex numbers; their angles add up.
-Vector2d Times(const Vector2d& a, const Vector2d& b) {
-  return {a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]};
-}
+// Conjugate of a unit complex number: the opposite angle.
 Vector2d Conjugate(const Vector2d& a) { return {a[0], -a[1]}; }
 
 // Angle from its cosine and sine; small angles avoid the library function.
@@ -31,7 +28,7 @@ double Angle(double cosine, double sine) {
 
 }  // namespace
 
-Curve::Curve(const WireModel& model, int instruments) : places_(instruments) {
+Curve::Curve(const WireModel& model, int instruments) : poses_(instruments) {
   const auto room = static_cast<std::size_t>(model.max_segments()) + 2;
   nodes_.reserve(room);
   tangents_.reserve(room);
@@ -47,15 +44,15 @@ Curve::Curve(const WireModel& model, int instruments) : places_(instruments) {
 }
 
 void Curve::LayAlong(const WireModel& model, const std::vector<Vector3d>& path_mm,
-                     const InstrumentPlaces& places, double reach_mm) {
+                     const InstrumentPoses& poses, double reach_mm) {
   const double lambda = model.segment_mm();
   tangents_.clear();
   normals_.clear();
-  places_ = places;
+  poses_ = poses;
   insertion_mm_ = std::clamp(reach_mm, 0.0, model.max_length_mm());
-  if (places.size() == 1) {
-    places_[0].insertion_mm = insertion_mm_;
-    Rotate(places[0].rotation_rad);
+  if (poses.size() == 1) {
+    poses_[0].insertion_mm = insertion_mm_;
+    Rotate(poses[0].rotation_rad);
   }
   const int n = insertion_mm_ < lambda / 2
                     ? 0
@@ -123,7 +120,7 @@ void Curve::UntwistFrames(const WireModel& model) {
   if (model.stack_twists()) turns_rad_.assign(static_cast<std::size_t>(n), Rotations());
 }
 
-void Curve::PlaceAgain(const WireModel& model) {
+void Curve::Rebuild(const WireModel& model) {
   PlaceNodes(model, 1);
   UpdateFrames(model);
 }
@@ -159,10 +156,10 @@ void Curve::UpdateTwist(const WireModel& model) {
   }
 }
 
-OfInstruments Curve::Rotations() const {
-  OfInstruments rotations = {};
-  for (int k = 0; k < places_.size(); ++k) {
-    rotations[static_cast<std::size_t>(k)] = places_[k].rotation_rad;
+PerInstrument Curve::Rotations() const {
+  PerInstrument rotations = {};
+  for (int k = 0; k < poses_.size(); ++k) {
+    rotations[static_cast<std::size_t>(k)] = poses_[k].rotation_rad;
   }
   return rotations;
 }
@@ -183,7 +180,7 @@ void Curve::UpdateFrames(const WireModel& model) {
     if (n - i < curved) reference_twist_[n - i] = product.normalized();
     const Vector3d* const to = &tangents_[i];
     const Vector3d* const to_normal = &normals_[i];
-    product = Times(product, FrameTurn(*from, *normal, *to, *to_normal));
+    product = Turned(product, FrameTurn(*from, *normal, *to, *to_normal));
     // Occasional normalization suffices, because each factor is off only by rounding.
     if (i % 32 == 31) product.normalize();
     from = to;
@@ -201,7 +198,7 @@ void Curve::Rotate(double rotation_rad) {
   }
   rotation_rad_ = rotation_rad;
   turn_ << std::cos(rotation_rad), std::sin(rotation_rad);
-  if (places_.size() == 1) places_[0].rotation_rad = rotation_rad;
+  if (poses_.size() == 1) poses_[0].rotation_rad = rotation_rad;
 }
 
 void Curve::TurnDistal(const WireModel& model, const std::vector<Vector3d>& tangents) {
@@ -212,7 +209,7 @@ void Curve::TurnDistal(const WireModel& model, const std::vector<Vector3d>& tang
     normals_[i] = ParallelTransport(normals_[i], tangents_[i], tangent);
     tangents_[i] = tangent;
   }
-  PlaceAgain(model);
+  Rebuild(model);
 }
 
 // Updates the reference twist of the joints beyond a segment whose tangent has changed.
@@ -225,19 +222,19 @@ void Curve::TurnReference(const WireModel& model, int segment, const Vector3d& o
   const Vector3d& normal = segment == 0 ? model.sheath_normal() : normals_[segment - 1];
   const Vector3d& tangent = tangents_[segment];
   const Vector3d& own = normals_[segment];
-  Vector2d change = Times(FrameTurn(before, normal, tangent, own),
-                          Conjugate(FrameTurn(before, normal, old_tangent, old_normal)));
+  Vector2d change = Turned(FrameTurn(before, normal, tangent, own),
+                           Conjugate(FrameTurn(before, normal, old_tangent, old_normal)));
   for (int joint = segment + 1; joint < n; ++joint) {
     if (joint == segment + 2) {
       const Vector3d& after = tangents_[segment + 1];
       const Vector3d& target = normals_[segment + 1];
-      change = Times(change, Times(FrameTurn(tangent, own, after, target),
-                                   Conjugate(FrameTurn(old_tangent, old_normal, after, target))));
+      change = Turned(change, Turned(FrameTurn(tangent, own, after, target),
+                                     Conjugate(FrameTurn(old_tangent, old_normal, after, target))));
       joint = std::max(joint, n - curved + 1);
       if (joint >= n) return;
     }
     const int from_tip = n - joint;
-    if (from_tip < curved) reference_twist_[from_tip] = Times(reference_twist_[from_tip], change);
+    if (from_tip < curved) reference_twist_[from_tip] = Turned(reference_twist_[from_tip], change);
   }
 }
 
@@ -263,7 +260,7 @@ void Curve::Step(const WireModel& model, const Curve& from, const std::vector<Fr
   insertion_mm_ = from.insertion_mm_;
   rotation_rad_ = from.rotation_rad_;
   turn_ = from.turn_;
-  places_ = from.places_;
+  poses_ = from.poses_;
   reference_twist_ = from.reference_twist_;
   twist_rad_ = from.twist_rad_;
   turns_rad_ = from.turns_rad_;
@@ -303,10 +300,10 @@ void Curve::TakeStep(Curve& stepped) {
 namespace {
 
 // Rest direction of a joint that stands for the fraction `part` of a segment.
-Vector3d PartOfRest(const Vector3d& rest, double part) {
+Vector3d FractionOfRest(const Vector3d& rest, double fraction) {
   const double across = std::hypot(rest[0], rest[1]);
   if (across == 0) return rest;
-  const double angle = part * std::atan2(across, rest[2]);
+  const double angle = fraction * std::atan2(across, rest[2]);
   const double scale = std::sin(angle) / across;
   return {scale * rest[0], scale * rest[1], std::cos(angle)};
 }
@@ -320,7 +317,7 @@ Vector2d TwistedRest(const WireModel& model, const Curve& curve, int joint) {
     const auto& share = twisting.of[static_cast<std::size_t>(k)];
     if (share.bend_rad.isZero(0)) continue;
     const double turn = curve.TurnBefore(joint, k);
-    rest += Times({std::cos(turn), std::sin(turn)}, share.bend_rad);
+    rest += Turned({std::cos(turn), std::sin(turn)}, share.bend_rad);
   }
   return JointLength(model, curve, joint) / model.segment_mm() * rest;
 }
@@ -332,7 +329,7 @@ Vector3d RestDirection(const WireModel& model, const Curve& curve, int joint) {
   const Vector3d first = joint == 0 ? curve.ProximalNormal(model) : curve.normals()[joint - 1];
   const Vector3d second = tangent.cross(first);
   if (model.stack_twists()) {
-    const Vector3d rest = BentBy(TwistedRest(model, curve, joint));
+    const Vector3d rest = BentDirection(TwistedRest(model, curve, joint));
     return rest[2] * tangent + rest[0] * first + rest[1] * second;
   }
   double c = 1;
@@ -346,8 +343,8 @@ Vector3d RestDirection(const WireModel& model, const Curve& curve, int joint) {
   Vector3d rest = model.rest_direction(from_tip);
   // Near the sheath a joint stands for a length other than that of a segment (see JointLength).
   if (joint <= 1) {
-    const double part = curve.first_segment_mm() / model.segment_mm();
-    rest = PartOfRest(rest, joint == 0 ? part / 2 : (part + 1) / 2);
+    const double fraction = curve.first_segment_mm() / model.segment_mm();
+    rest = FractionOfRest(rest, joint == 0 ? fraction / 2 : (fraction + 1) / 2);
   }
   return rest[2] * tangent + (c * rest[0] - s * rest[1]) * first +
          (s * rest[0] + c * rest[1]) * second;
@@ -361,14 +358,14 @@ std::uint64_t HashCurve(const Curve& curve) {
     hash = HashDouble(twist[1], HashDouble(twist[0], hash));
   }
   for (const double twist : curve.twist_rad()) hash = HashDouble(twist, hash);
-  for (const OfInstruments& turns : curve.turns_rad()) {
+  for (const PerInstrument& turns : curve.turns_rad()) {
     for (const double turn : turns) hash = HashDouble(turn, hash);
   }
   hash = HashDouble(curve.first_segment_mm(), hash);
   hash = HashDouble(curve.insertion_mm(), hash);
   hash = HashDouble(curve.rotation_rad(), hash);
-  for (const InstrumentPlace& place : curve.places()) {
-    hash = HashDouble(place.rotation_rad, HashDouble(place.insertion_mm, hash));
+  for (const InstrumentPose& pose : curve.poses()) {
+    hash = HashDouble(pose.rotation_rad, HashDouble(pose.insertion_mm, hash));
   }
   return hash;
 }

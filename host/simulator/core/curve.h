@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "host/simulator/core/frames.h"
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer {
 
 /// A number for each instrument of a stack.
-using OfInstruments = std::array<double, kMostInstruments>;
+using PerInstrument = std::array<double, kMostInstruments>;
 
 /// The tangent plane of a segment: its normal and second normal (tangent x normal) as columns.
 using Frame = Eigen::Matrix<double, 3, 2, Eigen::RowMajor>;
@@ -55,10 +55,10 @@ class Curve {
   /// For a stack that twists: n, angles about the tangent from the segment's normal to the first
   /// normal of each instrument on this curve. The first normal is fixed to the instrument's
   /// material. Otherwise empty.
-  const std::vector<OfInstruments>& turns_rad() const { return turns_rad_; }
+  const std::vector<PerInstrument>& turns_rad() const { return turns_rad_; }
   /// The same angle in the segment before joint i, or in the sheath.
   double TurnBefore(int joint, int instrument) const {
-    return joint == 0 ? places_[instrument].rotation_rad
+    return joint == 0 ? poses_[instrument].rotation_rad
                       : turns_rad_[static_cast<std::size_t>(joint) - 1]
                                   [static_cast<std::size_t>(instrument)];
   }
@@ -76,7 +76,7 @@ class Curve {
   /// Arc length of the polyline past the sheath, mm.
   double ArcLength(const WireModel& model) const;
   /// Insertion and rotation of each instrument.
-  const InstrumentPlaces& places() const { return places_; }
+  const InstrumentPoses& poses() const { return poses_; }
   /// Reach of the wire past the sheath, mm; equals ArcLength() if n > 0.
   double insertion_mm() const { return insertion_mm_; }
   /// Rotation of the proximal end, and with it of the rest shape. 0 for several instruments: the
@@ -92,13 +92,13 @@ class Curve {
   /// keeps the last direction. The curve reaches `reach_mm`, at most model.max_length_mm(). It
   /// follows the path within a segment. Frames are untwisted.
   void LayAlong(const WireModel& model, const std::vector<Eigen::Vector3d>& path_mm,
-                const InstrumentPlaces& places, double reach_mm);
-  /// Sets the places of the instruments; moves nothing.
-  void SetPlaces(const InstrumentPlaces& places) { places_ = places; }
-  /// Moves the instruments to `places`. If that changes their reach, Feed must follow. An
+                const InstrumentPoses& poses, double reach_mm);
+  /// Sets the poses of the instruments; moves nothing.
+  void SetPoses(const InstrumentPoses& poses) { poses_ = poses; }
+  /// Moves the instruments to `poses`. If that changes their reach, Feed must follow. An
   /// instrument that twists slides along the wire, which Feed moves afterwards. It turns as a
   /// whole, which is its resting position without external load.
-  void MoveInstruments(const WireModel& model, const InstrumentPlaces& places);
+  void MoveInstruments(const WireModel& model, const InstrumentPoses& poses);
   /// Feeds the wire until `to_mm` of it are inside: 0 .. model.max_length_mm(), a change of at most
   /// lambda/2. The wire slides along itself and its tip goes straight on (README (23)).
   void Feed(const WireModel& model, double to_mm);
@@ -111,11 +111,11 @@ class Curve {
   /// follow by parallel transport.
   void TurnDistal(const WireModel& model, const std::vector<Eigen::Vector3d>& tangents);
   /// Turns one segment to a unit tangent and moves everything distal to it rigidly. The reference
-  /// twist is updated by increments. PlaceAgain removes the rounding errors that many calls
+  /// twist is updated by increments. Rebuild removes the rounding errors that many calls
   /// accumulate.
   void TurnSegment(const WireModel& model, int segment, const Eigen::Vector3d& tangent);
   /// Recomputes nodes and frames from tangents and normals.
-  void PlaceAgain(const WireModel& model);
+  void Rebuild(const WireModel& model);
   /// Replaces all normals by untwisted ones: no reference twist, no twist.
   void UntwistFrames(const WireModel& model);
   /// Replaces tangents and normals, n each, unit and across. The reference twist stays unchanged;
@@ -150,8 +150,8 @@ class Curve {
   void SplitFirst(const WireModel& model);
   void JoinFirst(const WireModel& model);
   void SplitTwist();
-  void JoinTwist(double part);
-  OfInstruments Rotations() const;
+  void JoinTwist(double fraction);
+  PerInstrument Rotations() const;
   void UpdateTwist(const WireModel& model);
   void TurnReference(const WireModel& model, int segment, const Eigen::Vector3d& old_tangent,
                      const Eigen::Vector3d& old_normal);
@@ -161,12 +161,12 @@ class Curve {
   std::vector<Eigen::Vector3d> normals_;
   std::vector<Eigen::Vector2d> reference_twist_;
   std::vector<double> twist_rad_;
-  std::vector<OfInstruments> turns_rad_;
+  std::vector<PerInstrument> turns_rad_;
   double first_segment_mm_ = 0;
   double insertion_mm_ = 0;
   double rotation_rad_ = 0;
   Eigen::Vector2d turn_{1, 0};
-  InstrumentPlaces places_;
+  InstrumentPoses poses_;
 };
 
 /// Rest direction, unit, of the distal segment of joint i. The joint lies between segments i - 1

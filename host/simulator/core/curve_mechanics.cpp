@@ -20,7 +20,7 @@ CurveMechanics::CurveMechanics(const WireModel& model, const ClearanceField& fie
       sheath_frame_(TangentFrame(model.sheath().direction, model.sheath_normal())),
       points_(model, field, wall, stack, curve) {}
 
-void CurveMechanics::Reserve(bool terms, CurveExpansion& out) const {
+void CurveMechanics::Reserve(bool terms, CurveQuadraticModel& out) const {
   // Extra room: terms that act between points use a few more places than there are points.
   constexpr std::size_t kMostMoments = 16;
   const auto n = static_cast<std::size_t>(model_.max_segments()) + 1;
@@ -49,7 +49,7 @@ void CurveMechanics::Reserve(bool terms, CurveExpansion& out) const {
   if (terms) out.derivatives.on_tangents.reserve(kMostMoments + points);
 }
 
-void CurveMechanics::ExpandWall(bool with_hessian, CurveExpansion& out) const {
+void CurveMechanics::ExpandWall(bool with_hessian, CurveQuadraticModel& out) const {
   out.springs.clear();
   out.max_penetration_mm = 0;
   for (const int q : out.points.near) {
@@ -74,7 +74,7 @@ void CurveMechanics::ExpandWall(bool with_hessian, CurveExpansion& out) const {
   }
 }
 
-void CurveMechanics::ExpandJoints(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::ExpandJoints(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
   const int curved_from =
       n - model_.first_straight_joint() + 1;  // joints from this index on rest curved
@@ -99,7 +99,7 @@ void CurveMechanics::ExpandJoints(const Curve& curve, CurveExpansion& out) const
 
 // Goes from the tip to the sheath: the twisting moment is the sum of the torques of all curved
 // joints beyond.
-void CurveMechanics::ExpandTurningJoints(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::ExpandTurningJoints(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
   const int curved_from = n - model_.first_straight_joint() + 1;
   out.turns.resize(static_cast<std::size_t>(n));
@@ -127,7 +127,7 @@ void CurveMechanics::ExpandTurningJoints(const Curve& curve, CurveExpansion& out
   }
 }
 
-void CurveMechanics::ExpandTwists(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::ExpandTwists(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
   out.twists.resize(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) {
@@ -149,7 +149,7 @@ void CurveMechanics::ExpandTwists(const Curve& curve, CurveExpansion& out) const
   }
 }
 
-void CurveMechanics::ExpandStack(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::ExpandStack(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
   out.stack.resize(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) {
@@ -158,7 +158,7 @@ void CurveMechanics::ExpandStack(const Curve& curve, CurveExpansion& out) const 
   }
 }
 
-void CurveMechanics::AddSpinLoads(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::AddSpinLoads(const Curve& curve, CurveQuadraticModel& out) const {
   const int per_segment = out.points.per_segment;
   for (const SpinLoad& on : out.derivatives.on_spins) {
     const int i = on.point / per_segment;
@@ -193,7 +193,7 @@ void CurveMechanics::AddSpinLoads(const Curve& curve, CurveExpansion& out) const
   }
 }
 
-LoadTerms& CurveMechanics::LoadsOf(int segment, CurveExpansion& out) {
+LoadTerms& CurveMechanics::LoadsOf(int segment, CurveQuadraticModel& out) {
   if (out.load_index[segment] < 0) {
     out.load_index[segment] = static_cast<int>(out.loads.size());
     out.loads.push_back(
@@ -203,7 +203,7 @@ LoadTerms& CurveMechanics::LoadsOf(int segment, CurveExpansion& out) {
 }
 
 void CurveMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
-                             const Matrix3d* hessian, CurveExpansion& out) {
+                             const Matrix3d* hessian, CurveQuadraticModel& out) {
   LoadTerms& load = LoadsOf(point / out.points.per_segment, out);
   const double t = length_mm * (point % out.points.per_segment + 1) / out.points.per_segment;
   load.g0 += gradient;
@@ -216,7 +216,7 @@ void CurveMechanics::AddLoad(int point, double length_mm, const Vector3d& gradie
 
 // Sets the gradient by the spins of a segment. Returns the largest squared value over the local
 // GJ/(1 mm).
-double CurveMechanics::SumSpins(const Curve& curve, int segment, CurveExpansion& out) const {
+double CurveMechanics::SumSpins(const Curve& curve, int segment, CurveQuadraticModel& out) const {
   const int n = curve.segments();
   const auto i = static_cast<std::size_t>(segment);
   const auto take = [&](std::size_t at, double spin, double before, double beyond) {
@@ -246,7 +246,7 @@ double CurveMechanics::SumSpins(const Curve& curve, int segment, CurveExpansion&
   return largest;
 }
 
-double CurveMechanics::SumGradient(const Curve& curve, CurveExpansion& out) const {
+double CurveMechanics::SumGradient(const Curve& curve, CurveQuadraticModel& out) const {
   const bool touches = !out.touch_gradient.empty();
   const int n = curve.segments();
   double residual = 0;
@@ -279,7 +279,7 @@ double CurveMechanics::SumGradient(const Curve& curve, CurveExpansion& out) cons
   return std::sqrt(residual);
 }
 
-void CurveMechanics::PrepareSegments(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::PrepareSegments(const Curve& curve, CurveQuadraticModel& out) const {
   const auto n = static_cast<std::size_t>(curve.segments());
   out.frames.resize(n);
   for (std::size_t i = 0; i < n; ++i)
@@ -290,7 +290,7 @@ void CurveMechanics::PrepareSegments(const Curve& curve, CurveExpansion& out) co
   out.gradient.resize(n);
 }
 
-void CurveMechanics::ExpandBending(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::ExpandBending(const Curve& curve, CurveQuadraticModel& out) const {
   out.turns.clear();
   if (model_.stack_twists()) {
     ExpandStack(curve, out);
@@ -301,8 +301,8 @@ void CurveMechanics::ExpandBending(const Curve& curve, CurveExpansion& out) cons
   }
 }
 
-void CurveMechanics::Expand(const Curve& curve, double in_lumen_mm, bool with_hessian,
-                            CurveExpansion& out) {
+void CurveMechanics::BuildModel(const Curve& curve, double in_lumen_mm, bool with_hessian,
+                                CurveQuadraticModel& out) {
   PrepareSegments(curve, out);
   out.energy_mJ = 0;
   points_.Place(curve, in_lumen_mm, with_hessian, out.points);
@@ -314,7 +314,7 @@ void CurveMechanics::Expand(const Curve& curve, double in_lumen_mm, bool with_he
   if (model_.twists()) ExpandTwists(curve, out);
 }
 
-void CurveMechanics::SumTrueGradient(const Curve& curve, CurveExpansion& out) const {
+void CurveMechanics::SumTrueGradient(const Curve& curve, CurveQuadraticModel& out) const {
   SumLoads(
       curve, [&out](std::size_t k) { return out.springs[k].penetration_mm > 0; }, out);
   out.residual = SumGradient(curve, out);

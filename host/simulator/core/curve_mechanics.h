@@ -48,8 +48,8 @@ struct LoadTerms {
   Eigen::Matrix3d h2;
 };
 
-/// Expansion of the energy of a curve. Buffers are allocated once; no heap after that.
-struct CurveExpansion {
+/// Quadratic model of the energy of a curve. Buffers are allocated once; no heap after that.
+struct CurveQuadraticModel {
   double energy_mJ = 0;  ///< of bending and wall
   double residual = 0;   ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
   double max_penetration_mm = 0;   ///< of the curve's surface; 0 without contact
@@ -72,7 +72,7 @@ struct CurveExpansion {
   PointDerivatives derivatives;     ///< of the terms, without the wall
 };
 
-/// Evaluates expansions of one curve. Not thread-safe.
+/// Evaluates quadratic models of one curve. Not thread-safe.
 class CurveMechanics {
  public:
   /// Keeps references to all. `stack`: of several instruments, of which `curve` is one curve; null
@@ -81,35 +81,36 @@ class CurveMechanics {
                  const InstrumentStack* stack, int curve);
 
   /// Reserves room for the longest curve. `terms`: true if energy terms act on it.
-  void Reserve(bool terms, CurveExpansion& out) const;
+  void Reserve(bool terms, CurveQuadraticModel& out) const;
   /// Expands bending, twist and wall. The first `in_lumen_mm` lie in the lumen of another curve,
   /// away from the wall.
-  void Expand(const Curve& curve, double in_lumen_mm, bool with_hessian, CurveExpansion& out);
+  void BuildModel(const Curve& curve, double in_lumen_mm, bool with_hessian,
+                  CurveQuadraticModel& out);
   /// Adds the terms' loads on spins to the segments.
-  void AddSpinLoads(const Curve& curve, CurveExpansion& out) const;
+  void AddSpinLoads(const Curve& curve, CurveQuadraticModel& out) const;
   /// Sums the loads of the springs for which `is_active(k)` is true, and of the terms.
   template <class IsActive>
-  void SumLoads(const Curve& curve, IsActive is_active, CurveExpansion& out) const;
+  void SumLoads(const Curve& curve, IsActive is_active, CurveQuadraticModel& out) const;
   /// Sums the loads of the touching springs, and finds gradient and residual.
-  void SumTrueGradient(const Curve& curve, CurveExpansion& out) const;
+  void SumTrueGradient(const Curve& curve, CurveQuadraticModel& out) const;
 
   ContactPoints& points() { return points_; }
   const ContactPoints& points() const { return points_; }
   const WireModel& model() const { return model_; }
 
  private:
-  void PrepareSegments(const Curve& curve, CurveExpansion& out) const;
-  void ExpandBending(const Curve& curve, CurveExpansion& out) const;
-  void ExpandJoints(const Curve& curve, CurveExpansion& out) const;
-  void ExpandTurningJoints(const Curve& curve, CurveExpansion& out) const;
-  void ExpandTwists(const Curve& curve, CurveExpansion& out) const;
-  void ExpandStack(const Curve& curve, CurveExpansion& out) const;
-  void ExpandWall(bool with_hessian, CurveExpansion& out) const;
-  double SumSpins(const Curve& curve, int segment, CurveExpansion& out) const;
-  double SumGradient(const Curve& curve, CurveExpansion& out) const;
-  static LoadTerms& LoadsOf(int segment, CurveExpansion& out);
+  void PrepareSegments(const Curve& curve, CurveQuadraticModel& out) const;
+  void ExpandBending(const Curve& curve, CurveQuadraticModel& out) const;
+  void ExpandJoints(const Curve& curve, CurveQuadraticModel& out) const;
+  void ExpandTurningJoints(const Curve& curve, CurveQuadraticModel& out) const;
+  void ExpandTwists(const Curve& curve, CurveQuadraticModel& out) const;
+  void ExpandStack(const Curve& curve, CurveQuadraticModel& out) const;
+  void ExpandWall(bool with_hessian, CurveQuadraticModel& out) const;
+  double SumSpins(const Curve& curve, int segment, CurveQuadraticModel& out) const;
+  double SumGradient(const Curve& curve, CurveQuadraticModel& out) const;
+  static LoadTerms& LoadsOf(int segment, CurveQuadraticModel& out);
   static void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
-                      const Eigen::Matrix3d* hessian, CurveExpansion& out);
+                      const Eigen::Matrix3d* hessian, CurveQuadraticModel& out);
 
   const WireModel& model_;
   const WallModel& wall_;
@@ -118,7 +119,8 @@ class CurveMechanics {
 };
 
 template <class IsActive>
-void CurveMechanics::SumLoads(const Curve& curve, IsActive is_active, CurveExpansion& out) const {
+void CurveMechanics::SumLoads(const Curve& curve, IsActive is_active,
+                              CurveQuadraticModel& out) const {
   const int per_segment = out.points.per_segment;
   const bool with_hessian = out.derivatives.with_hessian;
   out.loads.clear();

@@ -74,8 +74,8 @@ Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const Curve& c
   return bend - first * first / 6 * slope - first * first * first / 24 * second;
 }
 
-void DiscretizationDefect::Put(const WireModel& model, const Curve& curve,
-                               CurveExpansion& expansion) {
+void DiscretizationDefect::ReplaceGradients(const WireModel& model, const Curve& curve,
+                                            CurveQuadraticModel& quadratic) {
   FindMoments(model, curve);
   Vector3d change_beyond_N = Vector3d::Zero();
   Vector3d moment_beyond = Vector3d::Zero();
@@ -85,9 +85,9 @@ void DiscretizationDefect::Put(const WireModel& model, const Curve& curve,
     const double shorter = curvature_[at].squaredNorm() * length * length / 24;
     // Loads act on the arc, beside the chord, and on shorter levers.
     Vector3d lever =
-        length * change_beyond_N - shorter * length * expansion.distal_gradient[at + 1];
-    if (expansion.load_index[at] >= 0) {
-      const LoadTerms& load = expansion.loads[static_cast<std::size_t>(expansion.load_index[at])];
+        length * change_beyond_N - shorter * length * quadratic.distal_gradient[at + 1];
+    if (quadratic.load_index[at] >= 0) {
+      const LoadTerms& load = quadratic.loads[static_cast<std::size_t>(quadratic.load_index[at])];
       const Vector3d along = -shorter * curve.tangents()[at];
       const Vector3d bulge_N = (length * load.h1 - load.h2) * curvature_[at] / 2;
       change_beyond_N += load.h0 * shift_mm_[at] + load.h1 * along - bulge_N;
@@ -96,10 +96,10 @@ void DiscretizationDefect::Put(const WireModel& model, const Curve& curve,
     const Vector3d moment = JointStiffness(model, curve, i) * MissedBend(model, curve, i);
     const Vector3d turn = moment - moment_beyond;
     moment_beyond = moment;
-    const Frame& frame = expansion.frames[at];
+    const Frame& frame = quadratic.frames[at];
     const Vector2d defect =
         frame.transpose() * lever + Vector2d(turn.dot(frame.col(1)), -turn.dot(frame.col(0)));
-    expansion.joints[at].gradient_distal += defect - expansion.gradient[at];
+    quadratic.joints[at].gradient_distal += defect - quadratic.gradient[at];
   }
 }
 

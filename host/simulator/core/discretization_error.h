@@ -15,9 +15,9 @@ namespace torquer {
 class DiscretizationDefect {
  public:
   void Reserve(int max_segments);
-  /// Replaces the gradients of `expansion`, which is that of `state`, by those of the defect. Minus
+  /// Replaces the gradients of `quadratic`, which is that of `state`, by those of the defect. Minus
   /// the Newton step for them turns the segments to those of the smooth wire.
-  void Put(const WireModel& model, const Curve& curve, CurveExpansion& expansion);
+  void ReplaceGradients(const WireModel& model, const Curve& curve, CurveQuadraticModel& quadratic);
   /// Backward shift of every node along its own curve, mm, because arcs are longer than their
   /// chords. Add it to the node displacements of the step.
   const std::vector<Eigen::Vector3d>& shift_mm() const { return shift_mm_; }

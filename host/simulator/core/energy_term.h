@@ -9,7 +9,7 @@
 
 #include "host/simulator/core/clearance_field.h"
 #include "host/simulator/core/frames.h"
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 
 namespace torquer {
 
@@ -115,7 +115,7 @@ struct PointSet {
   }
   /// Fraction of the point's length that the instrument covers, 0 .. 1: between 0 and 1 only near
   /// its tip.
-  double PartOf(int instrument, int q) const {
+  double CoverageOf(int instrument, int q) const {
     const double before_mm = PieceMm(q) / 2;
     const double beyond_mm = q + 1 < size() ? PieceMm(q + 1) / 2 : 0;
     const double from_tip_mm = FromTipMm(q) - behind_mm[static_cast<std::size_t>(instrument)];
@@ -275,9 +275,9 @@ class EnergyTerm {
   /// stays constant while that part is relaxed. The wire is in equilibrium, or nearly.
   virtual void Begin(const PointSet& points) = 0;
   /// Sets the fraction, 0 .. 1, of the remaining motion that the current part covers. Not called if
-  /// no motion remains; the share is then 1. A term that knows the time of a tick gives the part
+  /// no motion remains; the fraction is then 1. A term that knows the time of a tick gives the part
   /// the same fraction of the remaining time.
-  virtual void TakeShare(double share) { static_cast<void>(share); }
+  virtual void SetMotionFraction(double fraction) { static_cast<void>(fraction); }
   /// True if the result of Add is not energy stored in the wire: dissipated work, or the terms of a
   /// time step. It counts when the wire is relaxed, but not as the wire's energy.
   virtual bool Dissipates() const { return false; }

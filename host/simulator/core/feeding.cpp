@@ -24,9 +24,9 @@ void Curve::SplitTwist() {
   if (turns_rad_.empty()) return;
   // The instruments' twists against the frames that were just turned.
   turns_rad_.insert(turns_rad_.begin(), turns_rad_.front());
-  for (int k = 0; k < places_.size(); ++k) {
+  for (int k = 0; k < poses_.size(); ++k) {
     const auto at = static_cast<std::size_t>(k);
-    const double before = turns_rad_[1][at] - places_[k].rotation_rad;
+    const double before = turns_rad_[1][at] - poses_[k].rotation_rad;
     const double beyond = turns_rad_.size() > 2 ? turns_rad_[2][at] - turns_rad_[1][at] : 0;
     turns_rad_[0][at] -= before * (2.0 / 3);
     turns_rad_[1][at] += beyond * (1.0 / 5);
@@ -35,48 +35,48 @@ void Curve::SplitTwist() {
 
 // Joins the twist before segments 0 and 1 are joined. The middle of the joined segment lies at the
 // fraction `part` from the middle of segment 1 to that of segment 0.
-void Curve::JoinTwist(double part) {
-  const double back = twist_rad_[1] * part;
+void Curve::JoinTwist(double fraction) {
+  const double back = twist_rad_[1] * fraction;
   normals_[1] = TurnedAbout(tangents_[1], normals_[1], -back);
   twist_rad_[0] += twist_rad_[1] - back;
   if (twist_rad_.size() > 2) twist_rad_[2] += back;
   twist_rad_.erase(twist_rad_.begin() + 1);
   if (turns_rad_.empty()) return;
   for (std::size_t k = 0; k < turns_rad_[0].size(); ++k) {
-    turns_rad_[1][k] -= (turns_rad_[1][k] - turns_rad_[0][k]) * part;
+    turns_rad_[1][k] -= (turns_rad_[1][k] - turns_rad_[0][k]) * fraction;
   }
   turns_rad_.erase(turns_rad_.begin());
 }
 
-void Curve::MoveInstruments(const WireModel& model, const InstrumentPlaces& places) {
+void Curve::MoveInstruments(const WireModel& model, const InstrumentPoses& poses) {
   const int n = segments();
   const int first = model.first_spin();
-  const auto reach_mm = [&](const InstrumentPlaces& of) {
+  const auto reach_mm = [&](const InstrumentPoses& of) {
     double reach = 0;
     for (int k = first; k < first + model.spins(); ++k) reach = std::max(reach, of[k].insertion_mm);
     return reach;
   };
-  const double fed_mm = reach_mm(places) - reach_mm(places_);
+  const double fed_mm = reach_mm(poses) - reach_mm(poses_);
   for (int k = first; model.stack_twists() && k < first + model.spins(); ++k) {
     const auto at = static_cast<std::size_t>(k);
-    const double slid_mm = places[k].insertion_mm - places_[k].insertion_mm - fed_mm;
-    const auto part = [&](int joint) {
+    const double slid_mm = poses[k].insertion_mm - poses_[k].insertion_mm - fed_mm;
+    const auto fraction = [&](int joint) {
       return std::min(1.0, std::abs(slid_mm) / JointLength(model, *this, joint));
     };
     // The twist slides along with the instrument's material, distally or proximally.
     if (slid_mm > 0) {
       for (int i = n - 1; i >= 0; --i) {
-        turns_rad_[static_cast<std::size_t>(i)][at] -= part(i) * TwistOf(i, k);
+        turns_rad_[static_cast<std::size_t>(i)][at] -= fraction(i) * TwistOf(i, k);
       }
     } else if (slid_mm < 0) {
       for (int i = 0; i + 1 < n; ++i) {
-        turns_rad_[static_cast<std::size_t>(i)][at] += part(i + 1) * TwistOf(i + 1, k);
+        turns_rad_[static_cast<std::size_t>(i)][at] += fraction(i + 1) * TwistOf(i + 1, k);
       }
     }
-    const double turned_rad = places[k].rotation_rad - places_[k].rotation_rad;
-    for (OfInstruments& turns : turns_rad_) turns[at] += turned_rad;
+    const double turned_rad = poses[k].rotation_rad - poses_[k].rotation_rad;
+    for (PerInstrument& turns : turns_rad_) turns[at] += turned_rad;
   }
-  SetPlaces(places);
+  SetPoses(poses);
 }
 
 // Fits segment 0 to insertion_mm_, which has changed by at most lambda/2. Outside its length range
@@ -139,11 +139,11 @@ void Curve::Slide(const WireModel& model, double fed_mm) {
   // segment, or towards the previous one when retracting. The tip keeps its directions, because it
   // has its own rest shape.
   const int shaft = segments() - model.tip_segments();
-  const double part = std::abs(fed_mm) / model.segment_mm();
+  const double fraction = std::abs(fed_mm) / model.segment_mm();
   Vector3d* const tangents = tangents_.data();
   Vector3d* const normals = normals_.data();
-  const auto turn_towards = [tangents, normals, part](int i, int neighbor) {
-    const Vector3d chord = (1 - part) * tangents[i] + part * tangents[neighbor];
+  const auto turn_towards = [tangents, normals, fraction](int i, int neighbor) {
+    const Vector3d chord = (1 - fraction) * tangents[i] + fraction * tangents[neighbor];
     const double norm = chord.norm();
     if (!(norm > 1e-3)) return;
     const Vector3d tangent = chord / norm;
@@ -167,13 +167,13 @@ void Curve::Feed(const WireModel& model, double to_mm) {
   insertion_mm_ = target;
   FitFirstSegment(model);
   insertion_mm_ = to_mm;
-  if (places_.size() == 1) places_[0].insertion_mm = to_mm;
-  PlaceAgain(model);
+  if (poses_.size() == 1) poses_[0].insertion_mm = to_mm;
+  Rebuild(model);
 }
 
 void Curve::FeedAtBase(const WireModel& model, double to_mm) {
   insertion_mm_ = to_mm;
-  if (places_.size() == 1) places_[0].insertion_mm = to_mm;
+  if (poses_.size() == 1) poses_[0].insertion_mm = to_mm;
   FitFirstSegment(model);
   PlaceNodes(model, 1);
   UntwistFrames(model);
@@ -188,7 +188,7 @@ void Curve::InsertSegment(const WireModel& model, int at, const Vector3d& tangen
   }
   tangents_.insert(tangents_.begin() + at, tangent);
   insertion_mm_ += model.segment_mm();
-  if (places_.size() == 1) places_[0].insertion_mm = insertion_mm_;
+  if (poses_.size() == 1) poses_[0].insertion_mm = insertion_mm_;
   PlaceNodes(model, 1);
   UntwistFrames(model);
 }
@@ -198,7 +198,7 @@ void Curve::RemoveSegment(const WireModel& model, int at) {
   tangents_.erase(tangents_.begin() + at);
   insertion_mm_ = last ? 0 : insertion_mm_ - model.segment_mm();
   if (last) first_segment_mm_ = 0;
-  if (places_.size() == 1) places_[0].insertion_mm = insertion_mm_;
+  if (poses_.size() == 1) poses_[0].insertion_mm = insertion_mm_;
   PlaceNodes(model, 1);
   UntwistFrames(model);
 }

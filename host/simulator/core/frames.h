@@ -21,4 +21,9 @@ Eigen::Vector2d FrameTurn(const Eigen::Vector3d& from, const Eigen::Vector3d& no
 Eigen::Vector3d TurnedAbout(const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal,
                             double angle_rad);
 
+/// `v` turned by an angle; `turn` is its cosine and sine. Turns multiply like complex numbers.
+inline Eigen::Vector2d Turned(const Eigen::Vector2d& v, const Eigen::Vector2d& turn) {
+  return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
+}
+
 }  // namespace torquer

@@ -60,7 +60,7 @@ void FindSurfaceTorques(const PointSet& points, const PointDerivatives& friction
 // keeps force and moment.
 struct Lever {
   std::size_t node;
-  double part;
+  double fraction;
 };
 
 // Lever of point q of `points` on the nodes of the curve with `own` points. On another curve,
@@ -80,7 +80,8 @@ Lever LeverOf(const PointSet& own, const PointSet& points, int q) {
 }
 
 // Adds the forces of the wall on a curve to the nodes of the curve with `own` points.
-void AddContacts(const PointSet& own, const CurveExpansion& at, std::vector<Vector3d>& force_N) {
+void AddContacts(const PointSet& own, const CurveQuadraticModel& at,
+                 std::vector<Vector3d>& force_N) {
   for (std::size_t k = 0; k < at.springs.size(); ++k) {
     const WallSpring& spring = at.springs[k];
     if (!(spring.penetration_mm > 0)) continue;
@@ -88,12 +89,12 @@ void AddContacts(const PointSet& own, const CurveExpansion& at, std::vector<Vect
     const Vector3d normal_N = spring.stiffness_N_mm * spring.penetration_mm *
                               at.points.clearance[static_cast<std::size_t>(q)].gradient;
     const Lever lever = LeverOf(own, at.points, q);
-    force_N[lever.node] += (1 - lever.part) * normal_N;
-    force_N[lever.node + 1] += lever.part * normal_N;
+    force_N[lever.node] += (1 - lever.fraction) * normal_N;
+    force_N[lever.node + 1] += lever.fraction * normal_N;
   }
 }
 
-void FindContacts(const Expansion& at, int curve, InternalForces& out) {
+void FindContacts(const QuadraticModel& at, int curve, InternalForces& out) {
   const PointSet& own = at.curve(curve).points;
   std::vector<Vector3d>& force = out.contact_N;
   std::vector<double>& length_mm = out.tension_N;  // a temporary buffer: filled with tensions later
@@ -101,8 +102,8 @@ void FindContacts(const Expansion& at, int curve, InternalForces& out) {
   for (int q = 0; q < own.size(); ++q) {
     const Lever lever = LeverOf(own, own, q);
     const double weight_mm = own.weight_mm[static_cast<std::size_t>(q)];
-    length_mm[lever.node] += (1 - lever.part) * weight_mm;
-    length_mm[lever.node + 1] += lever.part * weight_mm;
+    length_mm[lever.node] += (1 - lever.fraction) * weight_mm;
+    length_mm[lever.node + 1] += lever.fraction * weight_mm;
   }
   const int curves = 1 + static_cast<int>(at.around.size());
   for (int c = 0; c < curves; ++c) AddContacts(own, at.curve(c), force);
@@ -115,13 +116,13 @@ void FindContacts(const Expansion& at, int curve, InternalForces& out) {
       const Vector3d& gradient_N =
           out.friction[static_cast<std::size_t>(c)].gradient[static_cast<std::size_t>(q)];
       const Lever lever = LeverOf(own, points, q);
-      force[lever.node] -= (1 - lever.part) * gradient_N;
-      force[lever.node + 1] -= lever.part * gradient_N;
+      force[lever.node] -= (1 - lever.fraction) * gradient_N;
+      force[lever.node + 1] -= lever.fraction * gradient_N;
     }
   }
 }
 
-void FindTension(const WireModel& model, const Curve& curve, const CurveExpansion& at,
+void FindTension(const WireModel& model, const Curve& curve, const CurveQuadraticModel& at,
                  InternalForces& out) {
   const auto n = static_cast<std::size_t>(curve.segments());
   const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
@@ -146,7 +147,7 @@ double TwistingMoment(const WireModel& model, const Curve& curve, int joint) {
 }
 
 // Torque of lumen friction on the surfaces of a curve, summed by segment.
-void FindLumenTorques(const Expansion& at, int curve, std::vector<double>& out) {
+void FindLumenTorques(const QuadraticModel& at, int curve, std::vector<double>& out) {
   for (const BetweenCurves& between : at.between) {
     if (between.inner != curve && between.outer != curve) continue;
     const bool inner = between.inner == curve;
@@ -158,11 +159,11 @@ void FindLumenTorques(const Expansion& at, int curve, std::vector<double>& out) 
   }
 }
 
-void FindMoments(const WireModel& model, const WireState& state, const Expansion& all,
+void FindMoments(const WireModel& model, const WireState& state, const QuadraticModel& all,
                  InternalForces& out) {
   const int number = state.FarthestCurve();
   const Curve& curve = state.curve(number);
-  const CurveExpansion& at = all.curve(number);
+  const CurveQuadraticModel& at = all.curve(number);
   const int n = curve.segments();
   const bool twists = model.spins() > 0;
   const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
@@ -201,9 +202,9 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
 
 }  // namespace
 
-void FindCurveLoads(const WireState& state, const Expansion& expansion, int curve,
+void FindCurveLoads(const WireState& state, const QuadraticModel& quadratic, int curve,
                     CurveLoads& out) {
-  const CurveExpansion& at = expansion.curve(curve);
+  const CurveQuadraticModel& at = quadratic.curve(curve);
   const PointSet& points = at.points;
   out.point_gradient_N.assign(static_cast<std::size_t>(points.size()), Vector3d::Zero());
   for (std::size_t q = 0; q < at.derivatives.used.size(); ++q) {
@@ -218,10 +219,10 @@ void FindCurveLoads(const WireState& state, const Expansion& expansion, int curv
         spring.stiffness_N_mm * spring.penetration_mm * points.clearance[p].gradient;
   }
   out.in_lumen.clear();
-  for (const BetweenCurves& between : expansion.between) {
+  for (const BetweenCurves& between : quadratic.between) {
     if (between.inner != curve && between.outer != curve) continue;
     const bool inner = between.inner == curve;
-    const Eigen::Index part = inner ? 0 : 5;
+    const Eigen::Index first = inner ? 0 : 5;
     const std::vector<Vector3d>& inward = state.curve(between.inner).tangents();
     const auto add = [&](const auto& place, const Vector3d& force_N, bool presses) {
       const SegmentPair& on = between.groups[static_cast<std::size_t>(place.group)];
@@ -235,20 +236,21 @@ void FindCurveLoads(const WireState& state, const Expansion& expansion, int curv
     };
     for (const BetweenCurves::Spring& spring : between.springs) {
       if (!(spring.penetration_mm > 0)) continue;
-      add(spring, -spring.stiffness_N_mm * spring.penetration_mm * spring.approach.segment<3>(part),
-          true);
+      add(spring,
+          -spring.stiffness_N_mm * spring.penetration_mm * spring.approach.segment<3>(first), true);
     }
     for (const BetweenCurves::Slide& slide : between.slides) {
       add(slide,
-          -slide.load.gradient[0] * slide.along.segment<3>(part) -
-              slide.load.gradient[1] * slide.around.segment<3>(part),
+          -slide.load.gradient[0] * slide.along.segment<3>(first) -
+              slide.load.gradient[1] * slide.around.segment<3>(first),
           false);
     }
   }
 }
 
-void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,
-                        const std::vector<EnergyTerm*>& terms, InternalForces& out) {
+void FindInternalForces(const WireModel& model, const WireState& state,
+                        const QuadraticModel& quadratic, const std::vector<EnergyTerm*>& terms,
+                        InternalForces& out) {
   const int number = state.FarthestCurve();
   const Curve& curve = state.curve(number);
   const int n = curve.segments();
@@ -265,16 +267,16 @@ void FindInternalForces(const WireModel& model, const WireState& state, const Ex
   out.friction.resize(curves);
   out.surface_torque_mJ.resize(curves);
   for (std::size_t c = 0; c < curves; ++c) {
-    const PointSet& points = expansion.curve(static_cast<int>(c)).points;
+    const PointSet& points = quadratic.curve(static_cast<int>(c)).points;
     FindFriction(points, terms, out.friction[c]);
     out.surface_torque_mJ[c].assign(points.position.size(), 0);
     if (model.spins() == 0) FindSurfaceTorques(points, out.friction[c], out.surface_torque_mJ[c]);
   }
-  FindContacts(expansion, number, out);
-  FindCurveLoads(state, expansion, number, out.loads);
-  FindTension(model, curve, expansion.curve(number), out);
-  FindMoments(model, state, expansion, out);
-  out.clamp_force_N = expansion.curve(number).distal_gradient[0];
+  FindContacts(quadratic, number, out);
+  FindCurveLoads(state, quadratic, number, out.loads);
+  FindTension(model, curve, quadratic.curve(number), out);
+  FindMoments(model, state, quadratic, out);
+  out.clamp_force_N = quadratic.curve(number).distal_gradient[0];
 }
 
 }  // namespace torquer

@@ -55,14 +55,16 @@ struct InternalForces {
   CurveLoads loads;
 };
 
-/// Finds the loads on a curve of `state`. `expansion`: that of `state`. O(points); allocates only
+/// Finds the loads on a curve of `state`. `quadratic`: that of `state`. O(points); allocates only
 /// if `out` is too small.
-void FindCurveLoads(const WireState& state, const Expansion& expansion, int curve, CurveLoads& out);
+void FindCurveLoads(const WireState& state, const QuadraticModel& quadratic, int curve,
+                    CurveLoads& out);
 
 /// Finds the internal forces of `state` (README section 15). `model`: that of the curve that
-/// reaches farthest; `expansion`: that of `state`; `terms`: those of the expansion. O(n); allocates
+/// reaches farthest; `quadratic`: that of `state`; `terms`: those of the model. O(n); allocates
 /// only if `out` is too small for the wire.
-void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,
-                        const std::vector<EnergyTerm*>& terms, InternalForces& out);
+void FindInternalForces(const WireModel& model, const WireState& state,
+                        const QuadraticModel& quadratic, const std::vector<EnergyTerm*>& terms,
+                        InternalForces& out);
 
 }  // namespace torquer

@@ -51,11 +51,11 @@ namespace {
 
 // Adds the work of a twisting moment on the twist of a joint, (27) to (29): part = 1/(1 + c), h_p,
 // h_d, and T_p' T_d by rows.
-inline void BearTorque(double torque_mJ, double part, Pair h_p, Pair h_d, const Pair (&across)[2],
-                       JointTerms& bending, TurnTerms& turn) {
-  const double weight = torque_mJ * part;
-  const Pair p = Pair{part, -part} * Swapped(h_p);
-  const Pair d = Pair{-part, part} * Swapped(h_d);
+inline void AddTorqueTerms(double torque_mJ, double factor, Pair h_p, Pair h_d,
+                           const Pair (&across)[2], JointTerms& bending, TurnTerms& turn) {
+  const double weight = torque_mJ * factor;
+  const Pair p = Pair{factor, -factor} * Swapped(h_p);
+  const Pair d = Pair{-factor, factor} * Swapped(h_d);
   Store(p, turn.proximal.data());
   Store(d, turn.distal.data());
   Store(Load(bending.gradient_proximal.data()) - Both(torque_mJ) * p,
@@ -69,8 +69,8 @@ inline void BearTorque(double torque_mJ, double part, Pair h_p, Pair h_d, const 
     Store(Load(hessian.data()) + Pair{along, cross}, hessian.data());
     Store(Load(hessian.data() + 2) + Pair{cross, -along}, hessian.data() + 2);
   };
-  add(weight * part, h_p, bending.hessian_proximal);
-  add(-weight * part, h_d, bending.hessian_distal);
+  add(weight * factor, h_p, bending.hessian_proximal);
+  add(-weight * factor, h_d, bending.hessian_distal);
   double* const rows = bending.hessian_cross.data();
   const Pair quarter{weight, -weight};
   const Pair bent = Both(weight) * h_p;
@@ -121,7 +121,7 @@ template <bool kBearsTorque>
   Store(bent_distal * Seconds(proximal, proximal) - Both(slope) * cross[1],
         out.hessian_cross.data() + 2);
   if constexpr (kBearsTorque)
-    BearTorque(torque_mJ, 1 / (2 - y), -proximal, -distal, cross, out, *turn);
+    AddTorqueTerms(torque_mJ, 1 / (2 - y), -proximal, -distal, cross, out, *turn);
 }
 
 }  // namespace
@@ -145,19 +145,19 @@ TwistGeometry::TwistGeometry(const Vector3d& proximal_tangent, const Frame& prox
     : h_p(proximal_frame.transpose() * tangent),
       h_d(frame.transpose() * proximal_tangent),
       across(proximal_frame.transpose() * frame),
-      part(1 / (1 + proximal_tangent.dot(tangent))) {
-  g_p = part * Vector2d(-h_p[1], h_p[0]);
-  g_d = part * Vector2d(h_d[1], -h_d[0]);
+      factor(1 / (1 + proximal_tangent.dot(tangent))) {
+  g_p = factor * Vector2d(-h_p[1], h_p[0]);
+  g_d = factor * Vector2d(h_d[1], -h_d[0]);
 }
 
-void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
-               JointTerms& bending) {
+void AddTwistTerms(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
+                   JointTerms& bending) {
   const Vector2d& g_p = geometry.g_p;
   const Vector2d& g_d = geometry.g_d;
   bending.gradient_proximal += torque_mJ * g_p;
   bending.gradient_distal += torque_mJ * g_d;
   // Areas of triangles, to second order.
-  const double half = torque_mJ * geometry.part / 2;
+  const double half = torque_mJ * geometry.factor / 2;
   const auto symmetric = [](const Vector2d& a, const Vector2d& b) {
     Matrix2d m;
     m << 2 * a[0] * b[0], a[0] * b[1] + a[1] * b[0], 0, 2 * a[1] * b[1];
@@ -171,8 +171,9 @@ void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geome
   const Matrix2d& across = geometry.across;
   Matrix2d turned;  // the columns of `across`, rotated by a quarter turn
   turned << across(0, 1), -across(0, 0), across(1, 1), -across(1, 0);
-  bending.hessian_cross += stiffness_mJ * g_p * g_d.transpose() +
-                           (torque_mJ * geometry.part) * (turned - geometry.h_p * g_d.transpose());
+  bending.hessian_cross +=
+      stiffness_mJ * g_p * g_d.transpose() +
+      (torque_mJ * geometry.factor) * (turned - geometry.h_p * g_d.transpose());
 }
 
 void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_tangent,
@@ -184,7 +185,7 @@ void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_ta
   const double torque = k * twist_rad;
   energy_mJ += torque * twist_rad / 2;
   const TwistGeometry geometry(proximal_tangent, proximal_frame, tangent, frame);
-  BearTwist(k, torque, geometry, bending);
+  AddTwistTerms(k, torque, geometry, bending);
   out.gradient_proximal = -torque;
   out.gradient_distal = torque;
   out.hessian_proximal = k;
@@ -210,7 +211,8 @@ void AddTorque(double torque_mJ, const Vector3d& proximal_tangent, const Frame& 
     across[0] += Firsts(p, p) * d;
     across[1] += Seconds(p, p) * d;
   }
-  BearTorque(torque_mJ, 1 / (1 + proximal_tangent.dot(tangent)), h_p, h_d, across, bending, turn);
+  AddTorqueTerms(torque_mJ, 1 / (1 + proximal_tangent.dot(tangent)), h_p, h_d, across, bending,
+                 turn);
 }
 
 RestSpinTerms SpinOfRest(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,

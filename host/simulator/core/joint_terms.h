@@ -82,13 +82,13 @@ struct TwistGeometry {
   Eigen::Vector2d h_p;
   Eigen::Vector2d h_d;
   Eigen::Matrix2d across;
-  double part;
+  double factor;
 };
 
 /// Adds the twist terms (28), (29) of a joint with this stiffness and torque to the expansion of
 /// its bending. Does not add the energy.
-void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
-               JointTerms& bending);
+void AddTwistTerms(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
+                   JointTerms& bending);
 
 /// Adds the energy `stiffness_mJ` twist_rad^2 / 2 of a twisted joint to the expansion of the same
 /// joint's bending. stiffness_mJ = GJ / (length that the joint stands for).

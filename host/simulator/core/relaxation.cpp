@@ -15,20 +15,20 @@ bool Grant(WorkBudget& budget, TickReport& report) {
 
 // True if the tip moved much farther than the hands explain. A turn moves a bent tip by its length
 // times the angle in radians, and 10 mm is a long tip.
-bool Snapped(const Eigen::Vector3d& tip_before, const InstrumentPlaces& before,
+bool Snapped(const Eigen::Vector3d& tip_before, const InstrumentPoses& before,
              const WireState& state) {
   constexpr double kBentTipMm = 10;
   double hands_mm = 0;
   for (int k = 0; k < before.size(); ++k) {
-    const InstrumentPlace& now = state.places()[k];
+    const InstrumentPose& now = state.poses()[k];
     hands_mm += std::abs(now.insertion_mm - before[k].insertion_mm) +
                 kBentTipMm * std::abs(now.rotation_rad - before[k].rotation_rad);
   }
   return (state.tip() - tip_before).norm() > 3 * hands_mm + 0.5;
 }
 
-InstrumentPlaces Left(const InstrumentPlaces& goal, const InstrumentPlaces& here) {
-  InstrumentPlaces left(goal.size());
+InstrumentPoses Left(const InstrumentPoses& goal, const InstrumentPoses& here) {
+  InstrumentPoses left(goal.size());
   for (int k = 0; k < goal.size(); ++k) {
     left[k] = {goal[k].insertion_mm - here[k].insertion_mm,
                goal[k].rotation_rad - here[k].rotation_rad};
@@ -38,11 +38,11 @@ InstrumentPlaces Left(const InstrumentPlaces& goal, const InstrumentPlaces& here
 
 }  // namespace
 
-TickReport Relaxation::Tick(const InstrumentPlaces& target, WorkBudget& budget, WireState& state) {
+TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, WireState& state) {
   TickReport report;
   const Eigen::Vector3d tip_before = state.tip();
-  const InstrumentPlaces places_before = state.places();
-  const InstrumentPlaces goal = stack_.Bounded(target);
+  const InstrumentPoses poses_before = state.poses();
+  const InstrumentPoses goal = stack_.Bounded(target);
 
   Begin(state);
   bool at_rest = false;
@@ -64,8 +64,8 @@ TickReport Relaxation::Tick(const InstrumentPlaces& target, WorkBudget& budget, 
 
   report.converged = report.converged && at_rest;
   report.budget_spent = !settled;
-  report.carried = Left(goal, state.places());
-  report.snapped = Snapped(tip_before, places_before, state);
+  report.carried = Left(goal, state.poses());
+  report.snapped = Snapped(tip_before, poses_before, state);
   return report;
 }
 

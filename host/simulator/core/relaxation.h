@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_state.h"
@@ -52,7 +52,7 @@ struct TickReport {
   bool snapped = false;  ///< the tip moved much farther than the hands
   /// Remaining motion of each instrument, positive if the hand is ahead. Insertion targets are
   /// limited to 0 .. the instrument's length.
-  InstrumentPlaces carried;
+  InstrumentPoses carried;
   double energy_mJ = 0;      ///< of bending, wall and effects, without the dissipated part
   double dissipated_mJ = 0;  ///< of terms with EnergyTerm::Dissipates
   double residual = 0;       ///< largest out-of-balance moment over the local EI/(1 mm)
@@ -61,7 +61,7 @@ struct TickReport {
   /// Quantity that relaxing decreases while the hands rest, mJ.
   double relaxed_mJ() const { return energy_mJ + dissipated_mJ; }
   /// True if no instrument has motion left.
-  bool arrived() const { return carried == InstrumentPlaces(carried.size()); }
+  bool arrived() const { return carried == InstrumentPoses(carried.size()); }
 };
 
 /// Record of one attempt of a method to improve the wire, for tuning. See Relaxation::Record.
@@ -88,13 +88,13 @@ class Relaxation {
   Relaxation& operator=(const Relaxation&) = delete;
   virtual ~Relaxation() = default;
 
-  /// One tick: moves towards `target` (finite, one place for each instrument) and relaxes, as far
+  /// One tick: moves towards `target` (finite, one pose for each instrument) and relaxes, as far
   /// as `budget` allows.
-  TickReport Tick(const InstrumentPlaces& target, WorkBudget& budget, WireState& state);
+  TickReport Tick(const InstrumentPoses& target, WorkBudget& budget, WireState& state);
   /// Call it after the state was replaced from outside (laid along a path, restored).
   virtual void Restart(WireState& state) = 0;
-  /// Expansion at the state after the last Tick or Restart: contacts, gradient.
-  virtual const Expansion& Current() const = 0;
+  /// Quadratic model at the state after the last Tick or Restart: contacts, gradient.
+  virtual const QuadraticModel& Current() const = 0;
   /// Estimated distance of a node from its fully relaxed position, mm, after the last Tick or
   /// Restart. It is the largest displacement of the next Newton step. NaN if the method cannot
   /// estimate it, or if the state is near no minimum. Costs about a third of an iteration; changes
@@ -135,13 +135,13 @@ class Relaxation {
   // Steps of a method. `goal`: the target within the instruments' limits.
 
   /// True if no motion is left that the method could carry out.
-  virtual bool Arrived(const InstrumentPlaces& goal, const WireState& state) const = 0;
+  virtual bool Arrived(const InstrumentPoses& goal, const WireState& state) const = 0;
   /// Called first in every tick.
   virtual void Begin(WireState& state) = 0;
   /// True if the next part of the motion may start now. If the wire is at rest it may always start.
   virtual bool MayMove() const = 0;
   /// Moves a part of the way. Returns the number of actions.
-  virtual int Move(const InstrumentPlaces& goal, WireState& state) = 0;
+  virtual int Move(const InstrumentPoses& goal, WireState& state) = 0;
   /// True if relaxing has ended at this state: in equilibrium, or stalled.
   virtual bool AtRest(WireState& state) = 0;
   /// Performs one unit of relaxing.

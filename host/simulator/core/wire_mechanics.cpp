@@ -22,16 +22,16 @@ WireMechanics::WireMechanics(const InstrumentStack& stack, const ClearanceField&
   trial_pairs_.emplace(stack, wall.points_per_segment);
 }
 
-Expansion WireMechanics::MakeExpansion() const {
+QuadraticModel WireMechanics::MakeQuadraticModel() const {
   const bool terms = !terms_.empty();
-  Expansion e;
+  QuadraticModel e;
   curves_.front().Reserve(terms, e);
   if (!pairs_) return e;
   e.around.resize(curves_.size() - 1);
   const int pieces = LumenPairs::PiecesPerSegment(wall_.points_per_segment);
   for (int c = 0; c < curves(); ++c) {
     const CurveMechanics& mechanics = curves_[static_cast<std::size_t>(c)];
-    CurveExpansion& curve = e.curve(c);
+    CurveQuadraticModel& curve = e.curve(c);
     if (c > 0) mechanics.Reserve(terms, curve);
     const auto segments = static_cast<std::size_t>(mechanics.model().max_segments()) + 1;
     curve.touch_gradient.reserve(segments);
@@ -75,11 +75,11 @@ std::uint64_t WireMechanics::Hash(std::uint64_t seed) const {
 }
 
 BetweenCurves::Geometry WireMechanics::GeometryOf(int curve, const WireState& state,
-                                                  const Expansion& at) const {
+                                                  const QuadraticModel& at) const {
   return {state.curve(curve), model(curve), at.curve(curve).frames};
 }
 
-void WireMechanics::ExpandBetween(const WireState& state, Expansion& out) const {
+void WireMechanics::BuildBetween(const WireState& state, QuadraticModel& out) const {
   const bool slides = SlidesInLumen();
   for (int c = 0; c < curves(); ++c) {
     out.curve(c).points.lumen.clear();
@@ -98,12 +98,12 @@ void WireMechanics::ExpandBetween(const WireState& state, Expansion& out) const 
 }
 
 // The spin gradient is added to the segments; all other terms go to `between`.
-void WireMechanics::AddSlideLoads(const WireState& state, Expansion& out) const {
+void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) const {
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     BetweenCurves& between = out.between[k];
     const LumenPairs& pairs = pairs_->of_curves()[k];
-    CurveExpansion& inner = out.curve(pairs.inner);
-    CurveExpansion& outer = out.curve(pairs.outer);
+    CurveQuadraticModel& inner = out.curve(pairs.inner);
+    CurveQuadraticModel& outer = out.curve(pairs.outer);
     between.TakeSlides(pairs, GeometryOf(pairs.inner, state, out),
                        GeometryOf(pairs.outer, state, out),
                        pairs.beside ? inner.points.beside : inner.points.lumen,
@@ -123,7 +123,7 @@ void WireMechanics::AddSlideLoads(const WireState& state, Expansion& out) const 
 }
 
 // Sets what the points of each curve know of the other curves.
-void WireMechanics::RelateCurves(const WireState& state, Expansion& out) const {
+void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) const {
   const int farthest = state.FarthestCurve();
   for (int c = 0; c < curves(); ++c) {
     PointSet& points = out.curve(c).points;
@@ -152,14 +152,14 @@ void WireMechanics::FindInside(const WireState& state, int curve, PointSet& poin
   }
 }
 
-void WireMechanics::AddTerms(const WireState& state, Expansion& out) const {
+void WireMechanics::AddTerms(const WireState& state, QuadraticModel& out) const {
   for (int c = 0; c < curves(); ++c) {
-    CurveExpansion& curve = out.curve(c);
+    CurveQuadraticModel& curve = out.curve(c);
     curve.derivatives.Clear(curve.points.position.size());
   }
   for (const EnergyTerm* term : terms_) {
     for (int c = 0; c < curves(); ++c) {
-      CurveExpansion& curve = out.curve(c);
+      CurveQuadraticModel& curve = out.curve(c);
       const double added_mJ = term->Add(curve.points, curve.derivatives);
       out.energy_mJ += added_mJ;
       if (term->Dissipates()) out.dissipated_mJ += added_mJ;
@@ -172,26 +172,27 @@ void WireMechanics::AddTerms(const WireState& state, Expansion& out) const {
   if (pairs_) AddSlideLoads(state, out);
 }
 
-void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansion& out) {
+void WireMechanics::BuildAll(const WireState& state, bool with_hessian, QuadraticModel& out) {
   out.dissipated_mJ = 0;
   for (int c = 0; c < curves(); ++c) {
     const double in_lumen_mm = pairs_ ? pairs_->in_lumen_mm(c) : 0;
-    CurveExpansion& curve = out.curve(c);
-    curves_[static_cast<std::size_t>(c)].Expand(state.curve(c), in_lumen_mm, with_hessian, curve);
+    CurveQuadraticModel& curve = out.curve(c);
+    curves_[static_cast<std::size_t>(c)].BuildModel(state.curve(c), in_lumen_mm, with_hessian,
+                                                    curve);
     if (c == 0) continue;
     out.energy_mJ += curve.energy_mJ;
     out.max_penetration_mm = std::max(out.max_penetration_mm, curve.max_penetration_mm);
   }
   if (pairs_) {
     RelateCurves(state, out);
-    ExpandBetween(state, out);
+    BuildBetween(state, out);
   }
   if (!terms_.empty()) AddTerms(state, out);
   SumTrueGradient(state, out);
 }
 
 // Sums the contact between curves by the segments of each.
-void WireMechanics::SumTouches(const WireState& state, Expansion& out) {
+void WireMechanics::SumTouches(const WireState& state, QuadraticModel& out) {
   for (int c = 0; c < state.curves(); ++c) {
     out.curve(c).touch_gradient.assign(static_cast<std::size_t>(state.curve(c).segments()),
                                        Eigen::Matrix<double, 5, 1>::Zero());
@@ -210,25 +211,28 @@ void WireMechanics::SumTouches(const WireState& state, Expansion& out) {
   }
 }
 
-void WireMechanics::SumTrueGradient(const WireState& state, Expansion& out) const {
+void WireMechanics::SumTrueGradient(const WireState& state, QuadraticModel& out) const {
   if (pairs_) SumTouches(state, out);
   for (int c = 0; c < curves(); ++c) {
-    CurveExpansion& curve = out.curve(c);
+    CurveQuadraticModel& curve = out.curve(c);
     curves_[static_cast<std::size_t>(c)].SumTrueGradient(state.curve(c), curve);
     if (c > 0) out.residual = std::max(out.residual, curve.residual);
   }
 }
 
-void WireMechanics::Model(const WireState& state, int curve,
-                          const std::vector<std::uint8_t>& active, Expansion& out) const {
+void WireMechanics::SumActiveLoads(const WireState& state, int curve,
+                                   const std::vector<std::uint8_t>& active,
+                                   QuadraticModel& out) const {
   curves_[static_cast<std::size_t>(curve)].SumLoads(
       state.curve(curve), [&active](std::size_t k) { return active[k] != 0; }, out.curve(curve));
 }
 
-void WireMechanics::Expand(const WireState& state, Expansion& out) { ExpandAll(state, true, out); }
+void WireMechanics::BuildModel(const WireState& state, QuadraticModel& out) {
+  BuildAll(state, true, out);
+}
 
-void WireMechanics::ExpandGradient(const WireState& state, Expansion& out) {
-  ExpandAll(state, false, out);
+void WireMechanics::BuildGradient(const WireState& state, QuadraticModel& out) {
+  BuildAll(state, false, out);
 }
 
 }  // namespace torquer

@@ -17,21 +17,24 @@
 
 namespace torquer {
 
-/// Expansion of the whole energy at one state. It is that of the innermost curve, like WireState,
-/// with those of the curves around it. Energy, residual and penetration are those of all curves.
-struct Expansion : CurveExpansion {
-  double dissipated_mJ = 0;            ///< part of energy_mJ from terms with EnergyTerm::Dissipates
-  std::vector<CurveExpansion> around;  ///< of the curves around the innermost one
-  std::vector<BetweenCurves> between;  ///< contact, for each of CurvePairs::of_curves
+/// Quadratic model of the whole energy at one state. It is that of the innermost curve, like
+/// WireState, with those of the curves around it. Energy, residual and penetration are those of all
+/// curves.
+struct QuadraticModel : CurveQuadraticModel {
+  double dissipated_mJ = 0;  ///< part of energy_mJ from terms with EnergyTerm::Dissipates
+  std::vector<CurveQuadraticModel> around;  ///< of the curves around the innermost one
+  std::vector<BetweenCurves> between;       ///< contact, for each of CurvePairs::of_curves
 
-  /// Expansion of curve `c`, counted from the innermost.
-  CurveExpansion& curve(int c) { return c == 0 ? *this : around[static_cast<std::size_t>(c) - 1]; }
-  const CurveExpansion& curve(int c) const {
+  /// Quadratic model of curve `c`, counted from the innermost.
+  CurveQuadraticModel& curve(int c) {
+    return c == 0 ? *this : around[static_cast<std::size_t>(c) - 1];
+  }
+  const CurveQuadraticModel& curve(int c) const {
     return c == 0 ? *this : around[static_cast<std::size_t>(c) - 1];
   }
 };
 
-/// Evaluates expansions. One per simulated wire; not thread-safe.
+/// Evaluates quadratic models. One per simulated wire; not thread-safe.
 class WireMechanics {
  public:
   /// A lone wire, or instruments on one curve. Keeps references to all; `terms` may grow only
@@ -42,8 +45,8 @@ class WireMechanics {
   WireMechanics(const InstrumentStack& stack, const ClearanceField& field, const WallModel& wall,
                 const std::vector<EnergyTerm*>& terms);
 
-  /// Returns an expansion with room for the longest wire.
-  Expansion MakeExpansion() const;
+  /// Returns a quadratic model with room for the longest wire.
+  QuadraticModel MakeQuadraticModel() const;
 
   /// Pairs the places of curves in lumens with the curves around them. Call it after a move, and
   /// when a part of the motion begins. Does nothing for one curve.
@@ -52,23 +55,23 @@ class WireMechanics {
   void ExchangePairs() { std::swap(pairs_, trial_pairs_); }
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
-  void Expand(const WireState& state, Expansion& out);
+  void BuildModel(const WireState& state, QuadraticModel& out);
   /// Replaces the loads of a curve by those of the model in which the wall acts on exactly the near
   /// points with `active`. `active` has one entry per near point. Everything else stays that of the
   /// state.
-  void Model(const WireState& state, int curve, const std::vector<std::uint8_t>& active,
-             Expansion& out) const;
-  void Model(const WireState& state, const std::vector<std::uint8_t>& active,
-             Expansion& out) const {
-    Model(state, 0, active, out);
+  void SumActiveLoads(const WireState& state, int curve, const std::vector<std::uint8_t>& active,
+                      QuadraticModel& out) const;
+  void SumActiveLoads(const WireState& state, const std::vector<std::uint8_t>& active,
+                      QuadraticModel& out) const {
+    SumActiveLoads(state, 0, active, out);
   }
-  /// Like Model, for the springs between two curves. `active` has one entry per spring.
-  static void ModelBetween(const std::vector<std::uint8_t>& active, BetweenCurves& out) {
+  /// Like SumActiveLoads, for the springs between two curves. `active` has one entry per spring.
+  static void SumActiveBetween(const std::vector<std::uint8_t>& active, BetweenCurves& out) {
     out.Sum([&active](std::size_t k) { return active[k] != 0; });
   }
 
-  /// Like Expand, without Hessians and Hessian look-ups.
-  void ExpandGradient(const WireState& state, Expansion& out);
+  /// Like BuildModel, without Hessians and Hessian look-ups.
+  void BuildGradient(const WireState& state, QuadraticModel& out);
 
   int curves() const { return static_cast<int>(curves_.size()); }
   /// The contact points of a curve; see ContactPoints for the calls needed after a move.
@@ -89,16 +92,17 @@ class WireMechanics {
   const WallModel& wall() const { return wall_; }
 
  private:
-  void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);
-  void ExpandBetween(const WireState& state, Expansion& out) const;
+  void BuildAll(const WireState& state, bool with_hessian, QuadraticModel& out);
+  void BuildBetween(const WireState& state, QuadraticModel& out) const;
   void FindInside(const WireState& state, int curve, PointSet& points) const;
-  void RelateCurves(const WireState& state, Expansion& out) const;
-  void AddTerms(const WireState& state, Expansion& out) const;
-  void AddSlideLoads(const WireState& state, Expansion& out) const;
-  void SumTrueGradient(const WireState& state, Expansion& out) const;
-  static void SumTouches(const WireState& state, Expansion& out);
+  void RelateCurves(const WireState& state, QuadraticModel& out) const;
+  void AddTerms(const WireState& state, QuadraticModel& out) const;
+  void AddSlideLoads(const WireState& state, QuadraticModel& out) const;
+  void SumTrueGradient(const WireState& state, QuadraticModel& out) const;
+  static void SumTouches(const WireState& state, QuadraticModel& out);
   bool SlidesInLumen() const;
-  BetweenCurves::Geometry GeometryOf(int curve, const WireState& state, const Expansion& at) const;
+  BetweenCurves::Geometry GeometryOf(int curve, const WireState& state,
+                                     const QuadraticModel& at) const;
 
   const WallModel& wall_;
   const std::vector<EnergyTerm*>& terms_;

@@ -27,7 +27,7 @@ Eigen::Vector3d SheathNormal(const Eigen::Vector3d& direction) {
   return (axis - axis.dot(direction) * direction).normalized();
 }
 
-Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad) {
+Eigen::Vector3d BentDirection(const Eigen::Vector2d& angle_rad) {
   const double angle = angle_rad.norm();
   if (!(angle > 0)) return {0, 0, 1};
   const Eigen::Vector2d across = angle_rad * (std::sin(angle) / angle);
@@ -85,7 +85,7 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     if (torsional > 0) torsional_rigidity_.push_back(torsional);
     // The joint at the distal end (k = 0) joins nothing.
     if (!rest_rad.isZero(0)) first_straight_ = k + 1;
-    rest_direction_.push_back(BentBy(rest_rad));
+    rest_direction_.push_back(BentDirection(rest_rad));
   }
   // If the last section is curved, the wire is curved up to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
@@ -104,7 +104,7 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints, int tip_segments
   for (std::size_t k = 0; k < count; ++k) {
     rigidity_[k] = joints[k].rigidity_N_mm2;
     radius_[k] = joints[k].radius_mm;
-    rest_direction_[k] = BentBy(joints[k].rest_rad);
+    rest_direction_[k] = BentDirection(joints[k].rest_rad);
     if (!joints[k].rest_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
   }
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "host/simulator/core/bending.h"
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/wire_sections.h"
 
 namespace torquer {
@@ -23,7 +23,7 @@ Eigen::Vector3d SheathNormal(const Eigen::Vector3d& direction);
 
 /// Unit direction of a segment whose joint is bent by an angle towards the first and second normal,
 /// rad. Given in the frame (first normal, second normal, tangent).
-Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad);
+Eigen::Vector3d BentDirection(const Eigen::Vector2d& angle_rad);
 
 /// A wire cut into segments. The index is the number of segments between a node (or the joint at
 /// it) and the distal end. It stays the same while the wire moves.

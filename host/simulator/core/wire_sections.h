@@ -6,7 +6,7 @@
 #include <array>
 #include <vector>
 
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 
 namespace torquer {
 

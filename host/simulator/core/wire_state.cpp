@@ -5,9 +5,9 @@
 namespace torquer {
 
 WireState WireState::Along(const WireModel& model, const std::vector<Eigen::Vector3d>& path_mm,
-                           const InstrumentPlaces& places) {
-  WireState state(model, places.size());
-  state.LayAlong(model, path_mm, places, places.reach_mm());
+                           const InstrumentPoses& poses) {
+  WireState state(model, poses.size());
+  state.LayAlong(model, path_mm, poses, poses.reach_mm());
   return state;
 }
 

@@ -17,10 +17,10 @@ class WireState : public Curve {
  public:
   using Curve::Curve;
   /// Lays a lone wire, or a stack, along a path (Curve::LayAlong) as one curve, up to the farthest
-  /// of `places`. LayCurves (newton/move_instruments.h) adds the
+  /// of `poses`. LayCurves (newton/move_instruments.h) adds the
   /// others.
   static WireState Along(const WireModel& model, const std::vector<Eigen::Vector3d>& path_mm,
-                         const InstrumentPlaces& places);
+                         const InstrumentPoses& poses);
 
   /// Number of curves, at least 1.
   int curves() const { return 1 + static_cast<int>(others_.size()); }

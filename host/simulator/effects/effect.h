@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "host/simulator/core/energy_term.h"
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/internal_forces.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/stack/hand_forces.h"
@@ -106,9 +106,9 @@ struct TickView {
   double time_s = 0;  ///< simulated time since the start
   double step_s = 0;  ///< since the previous tick; 0 at the start
   const Controls& controls;
-  const InstrumentPlaces& target;
+  const InstrumentPoses& target;
   const WireState& state;
-  const Expansion& expansion;
+  const QuadraticModel& quadratic;
   const TickReport& report;
 };
 
@@ -123,7 +123,7 @@ class Timed {
  public:
   virtual ~Timed() = default;
   /// `step_s`: simulated time since the previous tick, >= 0.
-  virtual void Lapse(double step_s) = 0;
+  virtual void AdvanceTime(double step_s) = 0;
 };
 
 /// Role *evolution*: a state that advances once per tick.

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "host/simulator/scene/device_library.h"
+#include "host/support/angles.h"
 #include "host/support/nearest_name.h"
 
 namespace torquer::scene {
@@ -198,7 +198,7 @@ std::vector<WireSection> MakeSections(const InstrumentSpec& spec) {
   for (std::size_t k = 1; k < at.size(); ++k) {
     if (at[k] == at[k - 1]) at[k] += kStepMm;
   }
-  const double angle_rad = spec.tip_angle_deg * (std::numbers::pi / 180);
+  const double angle_rad = spec.tip_angle_deg * kRadPerDeg;
   std::vector<double> stations = at;
   if (angle_rad > 0) {
     stations.insert(stations.end(), {0, spec.tip_mm, spec.tip_mm + kStepMm});

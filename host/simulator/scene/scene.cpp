@@ -231,7 +231,7 @@ void Scene::MakeEffect(const EffectSpec& spec) {
                        "changes the energy of the wire, which the paper's method does not support; "
                        "remove it or choose relaxation.method = \"newton\"");
   }
-  if (stiffness != nullptr) wall_.by_place = stiffness;
+  if (stiffness != nullptr) wall_.stiffness_field = stiffness;
   if (motion != nullptr) {
     if (moving_ == nullptr) moving_ = std::make_unique<vessel::MovingField>(*vessel_.field);
     moving_->Add(*motion);
@@ -261,12 +261,12 @@ std::vector<std::string> Scene::effect_names() const {
   return names;
 }
 
-InstrumentPlaces Scene::start() const {
-  InstrumentPlaces places(stack_->size());
-  for (int k = 0; k < places.size(); ++k) {
-    places[k].insertion_mm = spec_.instruments[static_cast<std::size_t>(k)].inserted_at_start_mm;
+InstrumentPoses Scene::start() const {
+  InstrumentPoses poses(stack_->size());
+  for (int k = 0; k < poses.size(); ++k) {
+    poses[k].insertion_mm = spec_.instruments[static_cast<std::size_t>(k)].inserted_at_start_mm;
   }
-  return places;
+  return poses;
 }
 
 std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
@@ -286,7 +286,7 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
 }
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {
-  const InstrumentPlaces here = start();
+  const InstrumentPoses here = start();
   WireState state = WireState::Along(rod(), entry_.start_path_mm, here);
   relaxation.Restart(state);
   for (int tick = 0; tick < 20; ++tick) {

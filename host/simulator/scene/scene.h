@@ -74,7 +74,7 @@ class Scene {
   using StandIn = std::function<EnergyTerm*(std::size_t effect, EnergyTerm* term)>;
   std::unique_ptr<Relaxation> MakeRelaxation(const StandIn& stand_in);
   /// Places of the instruments at the start.
-  InstrumentPlaces start() const;
+  InstrumentPoses start() const;
   /// Wire at the start: nothing inserted, or laid along the start path and relaxed.
   WireState MakeStart(Relaxation& relaxation) const;
 

@@ -11,7 +11,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/vessel/vessel.h"
 #include "host/support/error.h"

@@ -41,7 +41,7 @@ std::unique_ptr<Relaxation> MakeRelaxation(Way way, const HardScene& scene,
 // Depth of the wire in the wall if nothing bent it.
 double UnbentDepth(const HardScene& scene) {
   double length_mm = scene.start_mm;
-  for (const InstrumentPlaces& target : scene.script) {
+  for (const InstrumentPoses& target : scene.script) {
     length_mm = std::max(length_mm, target[0].insertion_mm);
   }
   length_mm = std::min(length_mm, scene.model.max_length_mm());
@@ -96,7 +96,7 @@ class HardRun {
   }
 
   // Returns true if all checks passed.
-  bool Tick(const InstrumentPlaces& target, int units) {
+  bool Tick(const InstrumentPoses& target, int units) {
     CountedBudget budget(units);
     report_ = relaxation_->Tick(target, budget, state_);
     const std::string broken =
@@ -126,7 +126,7 @@ class HardRun {
   }
 
   bool Follow() {
-    for (const InstrumentPlaces& target : scene_.script) {
+    for (const InstrumentPoses& target : scene_.script) {
       if (!Tick(target, scene_.units)) return false;
       if (first_.size() < 5) first_.push_back(HashState(state_));
     }
@@ -134,7 +134,7 @@ class HardRun {
   }
 
   // Runs single steps of Newton's method with the hand at rest.
-  bool Step(const InstrumentPlaces& target) {
+  bool Step(const InstrumentPoses& target) {
     constexpr int kSteps = 10;
     for (int k = 0; k < kSteps && !report_.converged; ++k) {
       const double before = report_.relaxed_mJ();
@@ -151,7 +151,7 @@ class HardRun {
   }
 
   bool ComeToRest() {
-    const InstrumentPlaces last = scene_.script.back();
+    const InstrumentPoses last = scene_.script.back();
     // With small budgets the wire may not have reached the target yet.
     constexpr int kMostToArrive = 400;
     for (int k = 0; k < kMostToArrive && way_ != Way::kPaper && !report_.arrived(); ++k) {

@@ -40,9 +40,8 @@ std::vector<Vector3d> PhantomPath() {
 Sheath PhantomEntry() { return {Phantom().entry_point_mm(), Phantom().entry_direction()}; }
 
 // Targets from `from` to `to` in equal steps of at most `step_mm`.
-std::vector<InstrumentPlaces> Feed(double from, double to, double step_mm,
-                                   double rotation_rad = 0) {
-  std::vector<InstrumentPlaces> script;
+std::vector<InstrumentPoses> Feed(double from, double to, double step_mm, double rotation_rad = 0) {
+  std::vector<InstrumentPoses> script;
   const int count = std::max(1, static_cast<int>(std::ceil(std::abs(to - from) / step_mm)));
   for (int k = 1; k <= count; ++k) {
     script.emplace_back(from + (to - from) * k / count, rotation_rad);
@@ -50,13 +49,13 @@ std::vector<InstrumentPlaces> Feed(double from, double to, double step_mm,
   return script;
 }
 
-void Append(std::vector<InstrumentPlaces> more, std::vector<InstrumentPlaces>& script) {
+void Append(std::vector<InstrumentPoses> more, std::vector<InstrumentPoses>& script) {
   script.insert(script.end(), more.begin(), more.end());
 }
 
 // Wire into the phantom, with a tip curved by 45 degrees.
 HardScene IntoPhantom(WireParameters p, double stiffness_N_mm2,
-                      std::vector<InstrumentPlaces> script) {
+                      std::vector<InstrumentPoses> script) {
   p.sheath = PhantomEntry();
   if (p.tip_mm == 0) {
     p.tip_mm = 10;
@@ -67,7 +66,7 @@ HardScene IntoPhantom(WireParameters p, double stiffness_N_mm2,
 
 // Wire into the phantom with a straight tip: head-on into the T.
 HardScene StraightIntoPhantom(WireParameters p, double stiffness_N_mm2,
-                              std::vector<InstrumentPlaces> script) {
+                              std::vector<InstrumentPoses> script) {
   p.sheath = PhantomEntry();
   return {PhantomField(), MakeWire(p), {.stiffness_N_mm2 = stiffness_N_mm2}, std::move(script)};
 }
@@ -91,14 +90,14 @@ void AddSpeed(Extent extent, std::vector<HardCase>& cases) {
   cases.push_back({"1 m in one command",
                    [](std::mt19937&) {
                      HardScene s = IntoPhantom({.max_length_mm = 240}, 0.01,
-                                               std::vector<InstrumentPlaces>(6, {1000, 0}));
+                                               std::vector<InstrumentPoses>(6, {1000, 0}));
                      s.units = 300;
                      return s;
                    },
                    0.02});
   cases.push_back({"full insert and retract in turn",
                    [actions = extent == Extent::kSoak ? 1000000 : 150](std::mt19937& random) {
-                     std::vector<InstrumentPlaces> script;
+                     std::vector<InstrumentPoses> script;
                      script.reserve(static_cast<std::size_t>(actions));
                      for (int k = 0; k < actions; ++k) {
                        // Reversals either every tick, or after enough ticks for the whole way.
@@ -114,7 +113,7 @@ void AddSpeed(Extent extent, std::vector<HardCase>& cases) {
   cases.push_back({"a hand that trembles",
                    [](std::mt19937& random) {
                      std::normal_distribution<double> normal;
-                     std::vector<InstrumentPlaces> script;
+                     std::vector<InstrumentPoses> script;
                      for (int k = 0; k < 120; ++k) {
                        const double to_mm = 120 + 5 * normal(random);
                        script.emplace_back(to_mm, 2 * normal(random));
@@ -261,7 +260,7 @@ void AddShapes(std::vector<HardCase>& cases) {
                          std::make_shared<Capsule>(Vector3d(-10, 0, 0), Vector3d(30, 0, 0), 3);
                      const WireModel model = MakeWire(
                          {.tip_mm = 10, .tip_curvature_1_per_mm = 0.15, .max_length_mm = 60});
-                     std::vector<InstrumentPlaces> script = Feed(0, 45, 0.5);
+                     std::vector<InstrumentPoses> script = Feed(0, 45, 0.5);
                      const double step = OneOf(random, 0.3, 1.0, 3.2);
                      for (double turn = 0; turn < 100 * std::numbers::pi; turn += step) {
                        script.emplace_back(45, turn);
@@ -271,7 +270,7 @@ void AddShapes(std::vector<HardCase>& cases) {
                    0.1});
   cases.push_back({"a tip curved by 270 degrees",
                    [](std::mt19937&) {
-                     std::vector<InstrumentPlaces> script = Feed(0, 150, 1);
+                     std::vector<InstrumentPoses> script = Feed(0, 150, 1);
                      Append(Feed(150, 150.001, 0.001, 3), script);
                      Append(Feed(150, 20, 1, 3), script);
                      return IntoPhantom({.tip_mm = 10,
@@ -295,7 +294,7 @@ void AddShapes(std::vector<HardCase>& cases) {
            }
            return std::make_shared<vessel::TubeField>(tubes, 0.0);
          }();
-         std::vector<InstrumentPlaces> script = Feed(0, 110, 0.5);
+         std::vector<InstrumentPoses> script = Feed(0, 110, 0.5);
          Append(Feed(110, 50, 1, 3), script);
          Append(Feed(50, 110, 1, 3), script);
          const WireModel model =
@@ -334,7 +333,7 @@ void AddVoxels(std::vector<HardCase>& cases) {
                            return std::max({wide, one, other});
                          },
                          Eigen::AlignedBox3d(Vector3d(-10, -5, -5), Vector3d(73, 5, 5)));
-                     std::vector<InstrumentPlaces> script = Feed(0, 70, 0.5);
+                     std::vector<InstrumentPoses> script = Feed(0, 70, 0.5);
                      Append(Feed(70, 30, 1, OneOf(random, -2.0, 0.5, 3.0)), script);
                      Append(Feed(30, 70, 0.5, OneOf(random, -1.0, 1.0)), script);
                      const WireModel model = MakeWire(
@@ -352,7 +351,7 @@ void AddVoxels(std::vector<HardCase>& cases) {
                          Eigen::AlignedBox3d(Vector3d(-5, -2, -2), Vector3d(42, 40, 2)));
                      const WireModel model = MakeWire(
                          {.tip_mm = 6, .tip_curvature_1_per_mm = 0.15, .max_length_mm = 80});
-                     std::vector<InstrumentPlaces> script = Feed(0, 65, 0.5);
+                     std::vector<InstrumentPoses> script = Feed(0, 65, 0.5);
                      Append(Feed(65, 20, 1, 2), script);
                      Append(Feed(20, 65, 0.5, 4), script);
                      return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, script};
@@ -419,8 +418,8 @@ void AddRandom(std::vector<HardCase>& cases) {
                      p.tip_curvature_1_per_mm = 0.2 * power(-1, 0) / std::max(1.0, p.segment_mm);
                      p.max_length_mm = 150;
                      const double stiffness = power(-3, 1);
-                     std::vector<InstrumentPlaces> script;
-                     InstrumentPlaces at;
+                     std::vector<InstrumentPoses> script;
+                     InstrumentPoses at;
                      std::normal_distribution<double> normal;
                      for (int k = 0; k < 150; ++k) {
                        const double reach = power(-2, 1.3);

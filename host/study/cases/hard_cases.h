@@ -32,10 +32,10 @@ struct HardScene {
   std::shared_ptr<const ClearanceField> field;
   WireModel model;
   WallModel wall;
-  std::vector<InstrumentPlaces> script;  ///< one target per tick
-  int units = 40;                        ///< work budget of a tick
-  int settle_ticks = 40;  ///< of 400 units each, with the hand still after the script
-  double start_mm = 0;    ///< length laid along start_path before the script
+  std::vector<InstrumentPoses> script;  ///< one target per tick
+  int units = 40;                       ///< work budget of a tick
+  int settle_ticks = 40;                ///< of 400 units each, with the hand still after the script
+  double start_mm = 0;                  ///< length laid along start_path before the script
   std::vector<Eigen::Vector3d> start_path = {};
   std::vector<Eigen::Vector3d> start_tangents = {};  ///< optional tangents of the start
   /// Offset of a shaped tip from the straight wire, for cases with a depth bound for straight
@@ -104,7 +104,7 @@ std::string Objection(const HardCase& hard, Way way, const HardOutcome& outcome)
 
 /// Largest unbalanced moment of bending and wall forces on a segment without rest bends, divided by
 /// the local EI/(1 mm). It is computed from positions, clearances and the bending law alone,
-/// independent of the expansions that the methods use.
+/// independent of the models that the methods use.
 double UnbalancedBend(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                       const WireState& state);
 

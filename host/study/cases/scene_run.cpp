@@ -71,7 +71,7 @@ bool IsKinked(const WireModel& rod, const Curve& curve, double lumen_mm) {
 class SceneRun {
  public:
   SceneRun(scene::Scene& scene, std::mt19937& random)
-      : scene_(scene), random_(random), session_(scene), evolves_(session_.lives()) {
+      : scene_(scene), random_(random), session_(scene), evolves_(session_.is_time_dependent()) {
     command_.target = session_.target();
   }
 
@@ -154,7 +154,7 @@ class SceneRun {
              report.residual, ", penetration ", report.max_penetration_mm);
     }
     const WireState& state = session_.state();
-    const InstrumentPlaces goal = scene_.stack().Bounded(command_.target);
+    const InstrumentPoses goal = scene_.stack().Bounded(command_.target);
     for (int c = 0; c < state.curves(); ++c) {
       // A curve reaches as far as the farthest of its instruments.
       const auto [first, last] = scene_.stack().OnCurve(c);
@@ -218,7 +218,7 @@ class SceneRun {
   }
 
   // Places at rest.
-  InstrumentPlaces Places() const { return scene_.stack().Bounded(command_.target); }
+  InstrumentPoses Places() const { return scene_.stack().Bounded(command_.target); }
   // Radius of a curve. At the tip of an instrument it grows over one segment.
   double SurfaceRadius(int curve, double arc_mm) const {
     const double beyond_mm = arc_mm + scene_.rod().segment_mm();

@@ -85,8 +85,8 @@ class TickChecker {
 
   /// Checks after a tick towards `target`; returns the errors, empty if there are none.
   /// `points_per_segment` as in the WallModel of the relaxation.
-  std::string Check(const InstrumentPlaces& target, const TickReport& report,
-                    const WireState& state, int points_per_segment) {
+  std::string Check(const InstrumentPoses& target, const TickReport& report, const WireState& state,
+                    int points_per_segment) {
     std::ostringstream what;
     what.precision(17);
     what << BrokenGeometry(model_, state);

@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
   scene::Scene scene(argv[1]);
   simulator::Simulation session(scene);
   simulator::Command command;
-  const InstrumentPlaces start = session.target();
+  const InstrumentPoses start = session.target();
   for (int k = 1; k <= test::kTicks; ++k) {
     command.target = start;
     command.target[0] = {start[0].insertion_mm + k * test::kFeedMm, k * test::kTurnRad};

@@ -6,10 +6,12 @@
 
 #include "host/simulator/effects/imaging/fluoroscopy_noise.h"
 #include "host/simulator/simulation.h"
+#include "host/support/angles.h"
 #include "tests/effects/vascular_scene.h"
 
 using Catch::Matchers::Contains;
 using Eigen::Vector3d;
+using torquer::kRadPerDeg;
 using torquer::effects::AddWire;
 using torquer::effects::Body;
 using torquer::effects::CArm;
@@ -30,8 +32,6 @@ using torquer::test::Refusal;
 using torquer::test::SceneOf;
 
 namespace {
-
-constexpr double kRadPerDeg = std::numbers::pi / 180;
 
 CArm Arm() {
   CArm arm;

@@ -3,13 +3,14 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
-#include <numbers>
 #include <sstream>
 
 #include "host/simulator/simulation.h"
+#include "host/support/angles.h"
 #include "tests/effects/vascular_scene.h"
 #include "tests/support/paths.h"
 
+using torquer::kRadPerDeg;
 using torquer::effects::ImageSource;
 using torquer::simulator::Command;
 using torquer::simulator::Simulation;
@@ -34,8 +35,7 @@ std::vector<std::uint8_t> Coronary(const std::string& mode, double lao_deg, doub
   ImageSource::Picture picture;
   Command command;
   command.target = session.target();
-  constexpr double kRadPerDegree = std::numbers::pi / 180;
-  command.controls = {lao_deg * kRadPerDegree, cra_deg * kRadPerDegree, true, false};
+  command.controls = {lao_deg * kRadPerDeg, cra_deg * kRadPerDeg, true, false};
   for (int k = 1; k <= 130; ++k) {
     command.time_s = 0.01 * k;
     command.controls.contrast = k > 10;

@@ -196,12 +196,12 @@ TEST_CASE("Each field has another mask", "[effects]") {
 }
 
 TEST_CASE("The simulation itself refuses settings that cannot be chosen", "[effects]") {
-  using torquer::simulator::Usable;
-  CHECK(Usable(Imaging{}));
+  using torquer::simulator::IsValid;
+  CHECK(IsValid(Imaging{}));
   const auto with = [](auto member, double value) {
     Imaging imaging;
     imaging.*member = value;
-    return Usable(imaging);
+    return IsValid(imaging);
   };
   CHECK(with(&Imaging::pulses_per_s, 1));
   CHECK(with(&Imaging::pulses_per_s, 60));
@@ -221,7 +221,7 @@ TEST_CASE("The simulation itself refuses settings that cannot be chosen", "[effe
   }
   Imaging unknown;
   unknown.mode = static_cast<Imaging::Mode>(4);
-  CHECK_FALSE(Usable(unknown));
+  CHECK_FALSE(IsValid(unknown));
 
   // A command is refused as a whole: the C-arm does not move either.
   SceneOf scene(kStraight + kVessel);

@@ -1,12 +1,13 @@
 // Lateral plane of a biplane system, compared with the first plane turned to the same angle.
 #include <catch2/catch.hpp>
-#include <numbers>
 #include <string>
 #include <vector>
 
 #include "host/simulator/simulation.h"
+#include "host/support/angles.h"
 #include "tests/effects/vascular_scene.h"
 
+using torquer::kRadPerDeg;
 using torquer::effects::ImageSource;
 using torquer::simulator::Command;
 using torquer::simulator::Simulation;
@@ -15,8 +16,6 @@ using torquer::test::Reading;
 using torquer::test::SceneOf;
 
 namespace {
-
-constexpr double kRadOfDeg = std::numbers::pi / 180;
 
 std::string System(int seed, const std::string& more = "") {
   return "[effects.flow]\ninlet = \"tube\"\ninlet_mL_s = 5\n[effects.contrast]\nrate_mL_s = 5\n"
@@ -36,7 +35,7 @@ Taken TakenBy(Simulation& session, std::size_t plane, double lao_deg, const std:
     Command command;
     command.target[0].insertion_mm = 40 + 0.1 * k;
     command.time_s = 0.01 * k;
-    command.controls.lao_rad = kRadOfDeg * lao_deg;
+    command.controls.lao_rad = kRadPerDeg * lao_deg;
     command.controls.xray = k > 10;
     command.controls.contrast = k > 40;
     torquer::CountedBudget budget(3000);
@@ -68,7 +67,7 @@ TEST_CASE("The lateral plane shows what the C-arm would show from there", "[effe
   REQUIRE(turned.pictures.size() == 14);
   for (std::size_t k = 0; k < 14; ++k) {
     CHECK(lateral.pictures[k].gray == turned.pictures[k].gray);
-    CHECK(lateral.pictures[k].controls.lao_rad == Approx(70 * kRadOfDeg));
+    CHECK(lateral.pictures[k].controls.lao_rad == Approx(70 * kRadPerDeg));
   }
   CHECK(lateral.pulses == 14);
   CHECK(lateral.kerma_mGy == turned.kerma_mGy);

@@ -39,7 +39,7 @@ class Ticks {
                                .controls = controls_,
                                .target = target_,
                                .state = state_,
-                               .expansion = expansion_,
+                               .quadratic = quadratic_,
                                .report = report_});
   }
 
@@ -48,8 +48,8 @@ class Ticks {
   WireModel model_ = MakeWire({});
   WireState state_ = LayStraight(model_, 50);
   effects::Controls controls_{.xray = true};
-  InstrumentPlaces target_;
-  Expansion expansion_;
+  InstrumentPoses target_;
+  QuadraticModel quadratic_;
   TickReport report_;
   std::optional<effects::Fluoroscopy> fluoroscopy_;
   double time_s_ = 0;
@@ -98,10 +98,10 @@ TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown
   }
 }
 
-TEST_CASE("A shot that was rendered before its offer arrives is not published twice") {
+TEST_CASE("A frame that was rendered before its offer arrives is not published twice") {
   PublishedPictures published;
   auto& [ticks, bus, pictures, thread] = published;
-  // The first offer renders the second shot, whose own offer comes later.
+  // The first offer renders the second frame, whose own offer comes later.
   REQUIRE(ticks.Next());
   REQUIRE(ticks.Next());
   thread.Offer();

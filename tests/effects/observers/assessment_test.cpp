@@ -29,10 +29,10 @@ struct Trainee {
       moving};
   WireModel model = MakeWire({});
   WireState state{model};
-  Expansion expansion;
+  QuadraticModel quadratic;
   TickReport report;
   effects::Controls controls;
-  InstrumentPlaces target;
+  InstrumentPoses target;
   double time_s = 0;
 
   void Go(const Vector3d& tip, double insertion_mm, double seconds) {
@@ -51,7 +51,7 @@ struct Trainee {
                                    .controls = controls,
                                    .target = target,
                                    .state = state,
-                                   .expansion = expansion,
+                                   .quadratic = quadratic,
                                    .report = report};
       force.Observe(tick);
       assessment.Observe(tick);
@@ -139,9 +139,9 @@ TEST_CASE("The time of fluoroscopy is that with the pedal down") {
 TEST_CASE("Success above the force limit is not safe") {
   Trainee trainee;
   // One contact of 60 mN during the motion.
-  trainee.expansion.points = PressedPoint(0.06);
+  trainee.quadratic.points = PressedPoint(0.06);
   trainee.Go({50, 0, 0}, 50, 1);
-  trainee.expansion.points = PointSet();
+  trainee.quadratic.points = PointSet();
   trainee.Go({100, 0, 0}, 100, 1);
   CHECK(trainee["wall_force_max_mN"] == Approx(60));
   CHECK(trainee["target_reached"] == 1);

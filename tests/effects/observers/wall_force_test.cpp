@@ -43,7 +43,7 @@ TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
   WireState state = LayStraight(model, length);
   relaxation.Restart(state);
   CountedBudget budget(100000);
-  const InstrumentPlaces target{length, 0};
+  const InstrumentPoses target{length, 0};
   const TickReport report = relaxation.Tick(target, budget, state);
   REQUIRE(report.converged);
 
@@ -54,7 +54,7 @@ TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
                                .controls = controls,
                                .target = target,
                                .state = state,
-                               .expansion = relaxation.Current(),
+                               .quadratic = relaxation.Current(),
                                .report = report};
   force.Observe(tick);
   const double held = half_gap - model.radius_mm(0);
@@ -106,7 +106,7 @@ struct InRing {
   double Rest(const ClearanceField& field, WireState& state, effects::WallForce* force) const {
     NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-11}, none);
     relaxation.Restart(state);
-    const InstrumentPlaces target{kLengthMm, 0};
+    const InstrumentPoses target{kLengthMm, 0};
     const TickReport report = Settle(relaxation, target, state);
     if (force != nullptr) {
       const effects::Controls controls;
@@ -115,7 +115,7 @@ struct InRing {
                       .controls = controls,
                       .target = target,
                       .state = state,
-                      .expansion = relaxation.Current(),
+                      .quadratic = relaxation.Current(),
                       .report = report});
     }
     return relaxation.Current().energy_mJ;
@@ -184,11 +184,11 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
 TEST_CASE("An event begins above the threshold, and keeps its largest force") {
   const WireModel model = MakeWire({});
   const WireState state(model);
-  Expansion expansion;
-  PointSet& points = expansion.points;
+  QuadraticModel quadratic;
+  PointSet& points = quadratic.points;
   points = PressedPoint(0);
   const effects::Controls controls;
-  const InstrumentPlaces target;
+  const InstrumentPoses target;
   TickReport report;
   report.converged = true;
   effects::WallForce force({.threshold_mN = 10});
@@ -200,7 +200,7 @@ TEST_CASE("An event begins above the threshold, and keeps its largest force") {
                    .controls = controls,
                    .target = target,
                    .state = state,
-                   .expansion = expansion,
+                   .quadratic = quadratic,
                    .report = report});
   };
   press(8);
@@ -237,7 +237,7 @@ TEST_CASE("The force of a patch does not depend on how finely the wire is cut") 
     NewtonRelaxation relaxation(model, ring, wall, {.tolerance = 1e-9}, none);
     WireState state(model);
     relaxation.Restart(state);
-    const InstrumentPlaces target{50, 0};
+    const InstrumentPoses target{50, 0};
     const TickReport report = Settle(relaxation, target, state, 400);
     REQUIRE(report.converged);
     auto force = std::make_unique<effects::WallForce>(
@@ -248,7 +248,7 @@ TEST_CASE("The force of a patch does not depend on how finely the wire is cut") 
                     .controls = controls,
                     .target = target,
                     .state = state,
-                    .expansion = relaxation.Current(),
+                    .quadratic = relaxation.Current(),
                     .report = report});
     return force;
   };
@@ -289,12 +289,12 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
     sample.gradient = Vector3d::UnitZ();
     sample.clearance_mm = 0.15;
   }
-  Expansion expansion;
-  expansion.points = points;
+  QuadraticModel quadratic;
+  quadratic.points = points;
   const WireModel model = MakeWire({});
   const WireState state(model);
   const effects::Controls controls;
-  const InstrumentPlaces target;
+  const InstrumentPoses target;
   TickReport report;
   report.converged = true;
   const double patch_mm = GENERATE(0.7, 1.0, 2.3, 6.0);
@@ -305,7 +305,7 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
                    .controls = controls,
                    .target = target,
                    .state = state,
-                   .expansion = expansion,
+                   .quadratic = quadratic,
                    .report = report});
   };
   observe();
@@ -316,7 +316,7 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
   CHECK(force.pressure_kPa() == Approx(100 / (2 * std::sqrt(0.05 * 0.35))));
   CHECK(force.tip_pressure_kPa() == 0);  // pressed sideways
   // A wall ahead of the last point: its 25 mN act on the end face of pi 0.2^2 mm^2.
-  expansion.points.clearance[12].gradient = -Vector3d::UnitX();
+  quadratic.points.clearance[12].gradient = -Vector3d::UnitX();
   observe();
   CHECK(force.tip_pressure_kPa() == Approx(25 / (3.14159265358979 * 0.04)));
   // Ticks that did not converge count neither for the peak nor as an event.
@@ -324,7 +324,7 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
   const int events = force.events();
   const double impulse = force.impulse_mNs();
   report.converged = false;
-  for (ClearanceSample& sample : expansion.points.clearance) sample.clearance_mm = -1;
+  for (ClearanceSample& sample : quadratic.points.clearance) sample.clearance_mm = -1;
   observe();
   CHECK(force.largest_mN() > 10 * peak_mN);
   CHECK(force.largest_ever_mN() == peak_mN);
@@ -356,7 +356,7 @@ struct WholeWall {
         relaxation(MakeNewtonRelaxation(stack, ring, wall, {.tolerance = 1e-9}, none)),
         state(stack.rod(), 2) {
     relaxation->Restart(state);
-    const InstrumentPlaces target{{50, 0}, {30, 0}};
+    const InstrumentPoses target{{50, 0}, {30, 0}};
     const TickReport report = Settle(*relaxation, target, state, 400);
     REQUIRE(report.converged);
     const effects::Controls controls;
@@ -365,7 +365,7 @@ struct WholeWall {
                    .controls = controls,
                    .target = target,
                    .state = state,
-                   .expansion = relaxation->Current(),
+                   .quadratic = relaxation->Current(),
                    .report = report});
   }
   // Sum of the wall's forces on a curve, mN.

@@ -13,39 +13,40 @@ ActiveSet::ActiveSet(std::size_t points) {
   pressed_.assign(points, 0);
 }
 
-void ActiveSet::RememberPressed(const CurveExpansion& expansion) {
+void ActiveSet::RememberPressed(const CurveQuadraticModel& quadratic) {
   Forget();
-  for (const int q : expansion.points.near) {
-    pressed_[static_cast<std::size_t>(expansion.points.FromTip(q))] =
-        expansion.points.touches[static_cast<std::size_t>(q)];
+  for (const int q : quadratic.points.near) {
+    pressed_[static_cast<std::size_t>(quadratic.points.FromTip(q))] =
+        quadratic.points.touches[static_cast<std::size_t>(q)];
   }
 }
 
 void ActiveSet::Forget() { std::fill(pressed_.begin(), pressed_.end(), 0); }
 
-void ActiveSet::Begin(const CurveExpansion& expansion, bool moved) {
-  active_.resize(expansion.springs.size());
+void ActiveSet::Begin(const CurveQuadraticModel& quadratic, bool moved) {
+  active_.resize(quadratic.springs.size());
   for (std::size_t k = 0; k < active_.size(); ++k) {
     active_[k] =
         moved
-            ? pressed_[static_cast<std::size_t>(expansion.points.FromTip(expansion.points.near[k]))]
-            : expansion.springs[k].penetration_mm > 0;
+            ? pressed_[static_cast<std::size_t>(quadratic.points.FromTip(quadratic.points.near[k]))]
+            : quadratic.springs[k].penetration_mm > 0;
   }
 }
 
-int ActiveSet::Update(const Curve& curve, const CurveExpansion& expansion, const CurveStep& step) {
+int ActiveSet::Update(const Curve& curve, const CurveQuadraticModel& quadratic,
+                      const CurveStep& step) {
   int last_changed = -1;
-  const int per_segment = expansion.points.per_segment;
-  const double lambda_mm = expansion.points.spacing_mm * per_segment;
-  for (std::size_t k = 0; k < expansion.springs.size(); ++k) {
-    const int q = expansion.points.near[k];
+  const int per_segment = quadratic.points.per_segment;
+  const double lambda_mm = quadratic.points.spacing_mm * per_segment;
+  for (std::size_t k = 0; k < quadratic.springs.size(); ++k) {
+    const int q = quadratic.points.near[k];
     const int i = q / per_segment;
     const double length = i == 0 ? curve.first_segment_mm() : lambda_mm;
     const double t = length * (q % per_segment + 1) / per_segment;
-    const Vector3d moved = step.displacement_mm[i] + expansion.frames[i] * (t * step.xi[i]);
+    const Vector3d moved = step.displacement_mm[i] + quadratic.frames[i] * (t * step.xi[i]);
     const double penetration =
-        expansion.springs[k].penetration_mm -
-        expansion.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
+        quadratic.springs[k].penetration_mm -
+        quadratic.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
     const std::uint8_t presses = penetration > 0;
     if (presses == active_[k]) continue;
     active_[k] = presses;
@@ -71,8 +72,8 @@ double AtRest(const std::vector<Spring>& springs, const std::vector<std::uint8_t
 
 }  // namespace
 
-double ActiveSet::EnergyAtRest(const CurveExpansion& expansion) const {
-  return AtRest(expansion.springs, active_);
+double ActiveSet::EnergyAtRest(const CurveQuadraticModel& quadratic) const {
+  return AtRest(quadratic.springs, active_);
 }
 
 void BetweenSet::Begin(const BetweenCurves& between) {
@@ -83,7 +84,7 @@ void BetweenSet::Begin(const BetweenCurves& between) {
 }
 
 int BetweenSet::Update(const WireState& state, const WireMechanics& mechanics,
-                       const Expansion& expansion, const BetweenCurves& between,
+                       const QuadraticModel& quadratic, const BetweenCurves& between,
                        const std::vector<CurveStep>& steps) {
   int last_changed = -1;
   const auto unknowns = [&](int curve, int segment) {
@@ -91,7 +92,7 @@ int BetweenSet::Update(const WireState& state, const WireMechanics& mechanics,
     const CurveStep& own = steps[static_cast<std::size_t>(curve)];
     const double length_mm = state.curve(curve).SegmentLength(mechanics.model(curve), segment);
     Eigen::Matrix<double, 5, 1> moved;
-    moved << own.displacement_mm[i] + expansion.curve(curve).frames[i] * (length_mm * own.xi[i]),
+    moved << own.displacement_mm[i] + quadratic.curve(curve).frames[i] * (length_mm * own.xi[i]),
         own.xi[i];
     return moved;
   };

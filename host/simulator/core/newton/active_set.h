@@ -11,7 +11,7 @@
 namespace torquer {
 
 /// Active set of the wall springs of a curve. In the model every near point is a one-sided spring;
-/// springs in the set act. One entry for each of CurveExpansion::springs. No heap after
+/// springs in the set act. One entry for each of CurveQuadraticModel::springs. No heap after
 /// construction.
 class ActiveSet {
  public:
@@ -19,18 +19,18 @@ class ActiveSet {
   explicit ActiveSet(std::size_t points);
 
   /// Stores the points that touch the wall, before the wire is moved.
-  void RememberPressed(const CurveExpansion& expansion);
+  void RememberPressed(const CurveQuadraticModel& quadratic);
   /// Resets to the initial state: no stored contacts.
   void Forget();
   /// Initializes the set. After a move it takes the points that touched before the move. A wire
   /// that slides along itself cuts corners by more than its penetration, and its contacts hardly
   /// change.
-  void Begin(const CurveExpansion& expansion, bool moved);
+  void Begin(const CurveQuadraticModel& quadratic, bool moved);
   /// Updates the set to exactly the points that would penetrate the wall after a step. Returns the
   /// most distal segment with a change, or -1 without a change.
-  int Update(const Curve& curve, const CurveExpansion& expansion, const CurveStep& step);
+  int Update(const Curve& curve, const CurveQuadraticModel& quadratic, const CurveStep& step);
   /// Model energy without a step, with the springs of this set instead of the touching points, mJ.
-  double EnergyAtRest(const CurveExpansion& expansion) const;
+  double EnergyAtRest(const CurveQuadraticModel& quadratic) const;
 
   const std::vector<std::uint8_t>& active() const { return active_; }
   std::uint64_t Hash(std::uint64_t seed) const;
@@ -51,8 +51,9 @@ class BetweenSet {
   void Begin(const BetweenCurves& between);
   /// Updates the set after a step, like ActiveSet::Update. Returns the most distal group of
   /// segments with a change, or -1.
-  int Update(const WireState& state, const WireMechanics& mechanics, const Expansion& expansion,
-             const BetweenCurves& between, const std::vector<CurveStep>& steps);
+  int Update(const WireState& state, const WireMechanics& mechanics,
+             const QuadraticModel& quadratic, const BetweenCurves& between,
+             const std::vector<CurveStep>& steps);
   /// Like ActiveSet::EnergyAtRest.
   double EnergyAtRest(const BetweenCurves& between) const;
 

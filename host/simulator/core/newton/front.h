@@ -13,7 +13,7 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/stack/between_curves.h"
 #include "host/simulator/core/wire_mechanics.h"
 
@@ -38,7 +38,7 @@ struct FrontSegment {
   const TurnTerms* turn = nullptr;    ///< for a dependent roll; null if nothing rests curved
   const StackTerms* spins = nullptr;  ///< for free spins
   double bend_weight_mJ = 0;          ///< proximal weight on the step
-  OfInstruments spin_weight_mJ = {};  ///< same, on each spin
+  PerInstrument spin_weight_mJ = {};  ///< same, on each spin
 };
 
 /// Gain of a segment: its control is -(of_slots z + constant), z being the slots at the cut before
@@ -353,11 +353,11 @@ bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
   for (int k = 0; k < kControls; ++k) {
     double pivot = w.s[k][k];
     for (int m = 0; m < k; ++m) {
-      const double part = w.s[k][m] * scale[m];
-      pivot -= part * w.s[k][m];
-      for (int r = k + 1; r < kControls; ++r) w.s[r][k] -= part * w.s[r][m];
-      for (int r = 0; r < kColumns; ++r) w.f[k][r] -= part * w.f[m][r];
-      w.c[k] -= part * w.c[m];
+      const double factor = w.s[k][m] * scale[m];
+      pivot -= factor * w.s[k][m];
+      for (int r = k + 1; r < kControls; ++r) w.s[r][k] -= factor * w.s[r][m];
+      for (int r = 0; r < kColumns; ++r) w.f[k][r] -= factor * w.f[m][r];
+      w.c[k] -= factor * w.c[m];
     }
     // A relative test: it rejects a pivot that is zero up to rounding.
     if (!(w.s[k][k] > 0) || !(pivot > 1e-12 * w.s[k][k])) return false;
@@ -377,9 +377,9 @@ bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
   }
   for (int k = kControls - 1; k >= 0; --k) {
     for (int m = k + 1; m < kControls; ++m) {
-      const double part = w.s[m][k] * scale[k];
-      for (int r = 0; r < kColumns; ++r) solved[k][r] -= part * solved[m][r];
-      gain.constant[k] -= part * gain.constant[m];
+      const double factor = w.s[m][k] * scale[k];
+      for (int r = 0; r < kColumns; ++r) solved[k][r] -= factor * solved[m][r];
+      gain.constant[k] -= factor * gain.constant[m];
     }
     for (int r = 0; r < kRows; ++r) gain.of_slots[k][r] = solved[k][r];
   }

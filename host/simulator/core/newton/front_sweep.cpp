@@ -75,13 +75,13 @@ void FrontSweep::AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>
 
 // Finds the cut of each curve beyond which nothing touches it; one curve alone is in the front from
 // its tip on.
-void FrontSweep::FindCommon(const WireState& state, const Expansion& expansion) {
+void FrontSweep::FindCommon(const WireState& state, const QuadraticModel& quadratic) {
   for (int c = 0; c < state.curves(); ++c) {
     const int segments = state.curve(c).segments();
     of_segments_[static_cast<std::size_t>(c)].assign(static_cast<std::size_t>(segments), -1);
     common_[static_cast<std::size_t>(c)] = state.curves() == 1 ? segments : 0;
   }
-  for (const BetweenCurves& between : expansion.between) {
+  for (const BetweenCurves& between : quadratic.between) {
     if (between.groups.empty()) continue;
     const SegmentPair& last = between.groups.back();
     int& inner = common_[static_cast<std::size_t>(between.inner)];
@@ -93,10 +93,10 @@ void FrontSweep::FindCommon(const WireState& state, const Expansion& expansion) 
 
 // Orders the operations: a contact comes when both of its curves are at the cuts behind its
 // segments. Contacts of several pairs are merged so that no curve has to go back.
-void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
+void FrontSweep::Schedule(const WireState& state, const QuadraticModel& quadratic) {
   operations_.clear();
-  FindCommon(state, expansion);
-  const std::vector<BetweenCurves>& between = expansion.between;
+  FindCommon(state, quadratic);
+  const std::vector<BetweenCurves>& between = quadratic.between;
   for (std::size_t k = 0; k < between.size(); ++k) {
     of_groups_[k].resize(between[k].groups.size());
     left_[k] = static_cast<int>(between[k].groups.size());
@@ -129,7 +129,7 @@ bool FrontSweep::SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond) {
 
 // `kSpins`: of each curve.
 template <int... kSpins>
-bool FrontSweep::SweepSlots(const Expansion& expansion, int first) {
+bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
   constexpr int kCurves = sizeof...(kSpins);
   constexpr std::array<int, kCurves> kSpinsOf = {kSpins...};
   constexpr auto kAt = [](int curve) {
@@ -176,7 +176,7 @@ bool FrontSweep::SweepSlots(const Expansion& expansion, int first) {
       if (!advance(kEach, operation.curve, operation.index)) return false;
       continue;
     }
-    const BetweenCurves& between = expansion.between[static_cast<std::size_t>(operation.pair)];
+    const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(operation.pair)];
     const auto group = static_cast<std::size_t>(operation.index);
     const typename AnyFront::Slots slots{between.inner, between.outer,
                                          slot_at_[static_cast<std::size_t>(between.inner)],
@@ -190,68 +190,68 @@ bool FrontSweep::SweepSlots(const Expansion& expansion, int first) {
   return true;
 }
 
-bool FrontSweep::Sweep(const WireState& state, const Expansion& expansion, double weight,
+bool FrontSweep::Sweep(const WireState& state, const QuadraticModel& quadratic, double weight,
                        int first) {
   int key = 0;  // spins of the curves as decimal digits, after a 1
   for (int c = 0; c < state.curves(); ++c) {
     Inputs& inputs = inputs_[static_cast<std::size_t>(c)];
     inputs.curve = &state.curve(c);
-    inputs.at = &expansion.curve(c);
+    inputs.at = &quadratic.curve(c);
     inputs.weight = weight;
     key = 10 * (c == 0 ? 1 : key) + inputs.model->spins();
   }
   switch (key) {
     case 12:
-      return SweepSlots<2>(expansion, first);
+      return SweepSlots<2>(quadratic, first);
     case 13:
-      return SweepSlots<3>(expansion, first);
+      return SweepSlots<3>(quadratic, first);
     case 14:
-      return SweepSlots<4>(expansion, first);
+      return SweepSlots<4>(quadratic, first);
     case 100:
-      return SweepSlots<0, 0>(expansion, first);
+      return SweepSlots<0, 0>(quadratic, first);
     case 1000:
-      return SweepSlots<0, 0, 0>(expansion, first);
+      return SweepSlots<0, 0, 0>(quadratic, first);
     case 10000:
-      return SweepSlots<0, 0, 0, 0>(expansion, first);
+      return SweepSlots<0, 0, 0, 0>(quadratic, first);
     case 111:
-      return SweepSlots<1, 1>(expansion, first);
+      return SweepSlots<1, 1>(quadratic, first);
     case 112:
-      return SweepSlots<1, 2>(expansion, first);
+      return SweepSlots<1, 2>(quadratic, first);
     case 121:
-      return SweepSlots<2, 1>(expansion, first);
+      return SweepSlots<2, 1>(quadratic, first);
     case 122:
-      return SweepSlots<2, 2>(expansion, first);
+      return SweepSlots<2, 2>(quadratic, first);
     case 113:
-      return SweepSlots<1, 3>(expansion, first);
+      return SweepSlots<1, 3>(quadratic, first);
     case 131:
-      return SweepSlots<3, 1>(expansion, first);
+      return SweepSlots<3, 1>(quadratic, first);
     case 1111:
-      return SweepSlots<1, 1, 1>(expansion, first);
+      return SweepSlots<1, 1, 1>(quadratic, first);
     case 1112:
-      return SweepSlots<1, 1, 2>(expansion, first);
+      return SweepSlots<1, 1, 2>(quadratic, first);
     case 1121:
-      return SweepSlots<1, 2, 1>(expansion, first);
+      return SweepSlots<1, 2, 1>(quadratic, first);
     case 1211:
-      return SweepSlots<2, 1, 1>(expansion, first);
+      return SweepSlots<2, 1, 1>(quadratic, first);
     default:
       assert(key == 11111);
-      return SweepSlots<1, 1, 1, 1>(expansion, first);
+      return SweepSlots<1, 1, 1, 1>(quadratic, first);
   }
 }
 
-bool FrontSweep::Factor(const WireState& state, const Expansion& expansion, double weight) {
+bool FrontSweep::Factor(const WireState& state, const QuadraticModel& quadratic, double weight) {
   for (int c = 0; c < state.curves(); ++c) {
     gains_[static_cast<std::size_t>(c)].resize(state.curve(c).tangents().size());
   }
-  Schedule(state, expansion);
-  return Sweep(state, expansion, weight, 0);
+  Schedule(state, quadratic);
+  return Sweep(state, quadratic, weight, 0);
 }
 
-bool FrontSweep::Refactor(const WireState& state, const Expansion& expansion, double weight,
+bool FrontSweep::Refactor(const WireState& state, const QuadraticModel& quadratic, double weight,
                           int first) {
   const int checkpoint = first / kSpacing * kSpacing;
-  if (checkpoint <= 0) return Factor(state, expansion, weight);
-  return Sweep(state, expansion, weight, checkpoint);
+  if (checkpoint <= 0) return Factor(state, quadratic, weight);
+  return Sweep(state, quadratic, weight, checkpoint);
 }
 
 namespace {
@@ -261,7 +261,7 @@ struct Moved {
   double* slot;
   const WireModel& model;
   const Curve& curve;
-  const CurveExpansion& at;
+  const CurveQuadraticModel& at;
   const std::vector<FrontGain>& gains;
   CurveStep& step;
 
@@ -302,13 +302,13 @@ struct Moved {
 
 }  // namespace
 
-double FrontSweep::Step(const WireState& state, const Expansion& expansion,
+double FrontSweep::Step(const WireState& state, const QuadraticModel& quadratic,
                         std::vector<CurveStep>& steps) {
   double slots[kMostFrontRows] = {};
   const auto moved = [&](int curve) {
     const auto c = static_cast<std::size_t>(curve);
     return Moved{slots + slot_at_[c],    *rods_[c], state.curve(curve),
-                 expansion.curve(curve), gains_[c], steps[c]};
+                 quadratic.curve(curve), gains_[c], steps[c]};
   };
   for (int c = 0; c < state.curves(); ++c) moved(c).Begin();
   // The order is opposite to that of the sweep.

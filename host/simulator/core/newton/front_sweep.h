@@ -27,14 +27,15 @@ class FrontSweep {
 
   /// Eliminates all segments. Returns false if a pivot is not positive definite. `weight`: proximal
   /// weight, in units of the local EI/(1 mm).
-  bool Factor(const WireState& state, const Expansion& expansion, double weight);
+  bool Factor(const WireState& state, const QuadraticModel& quadratic, double weight);
   /// Like Factor, if since the last one only operations from number `first` on have other loads.
-  bool Refactor(const WireState& state, const Expansion& expansion, double weight, int first);
+  bool Refactor(const WireState& state, const QuadraticModel& quadratic, double weight, int first);
   /// Steps of all curves. Returns the predicted decrease of the energy, mJ.
-  double Step(const WireState& state, const Expansion& expansion, std::vector<CurveStep>& steps);
+  double Step(const WireState& state, const QuadraticModel& quadratic,
+              std::vector<CurveStep>& steps);
 
   /// Number of the operation that eliminates a segment, or that adds group `group` of
-  /// Expansion::between[pair]. -1 for segments beyond all contacts.
+  /// QuadraticModel::between[pair]. -1 for segments beyond all contacts.
   int OperationOf(int curve, int segment) const {
     return of_segments_[static_cast<std::size_t>(curve)][static_cast<std::size_t>(segment)];
   }
@@ -53,7 +54,7 @@ class FrontSweep {
   struct Inputs {
     const WireModel* model = nullptr;
     const Curve* curve = nullptr;
-    const CurveExpansion* at = nullptr;
+    const CurveQuadraticModel* at = nullptr;
     double weight = 0;
 
     FrontSegment Segment(int i) const;
@@ -63,12 +64,12 @@ class FrontSweep {
     alignas(16) std::byte front[sizeof(Front<kMostFrontRows>)];
   };
 
-  void FindCommon(const WireState& state, const Expansion& expansion);
-  void Schedule(const WireState& state, const Expansion& expansion);
+  void FindCommon(const WireState& state, const QuadraticModel& quadratic);
+  void Schedule(const WireState& state, const QuadraticModel& quadratic);
   void AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>& cuts);
-  bool Sweep(const WireState& state, const Expansion& expansion, double weight, int first);
+  bool Sweep(const WireState& state, const QuadraticModel& quadratic, double weight, int first);
   template <int... kSpins>
-  bool SweepSlots(const Expansion& expansion, int first);
+  bool SweepSlots(const QuadraticModel& quadratic, int first);
   template <int kSpins>
   bool SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond);
 

@@ -13,24 +13,24 @@ namespace torquer {
 
 void LayCurves(const InstrumentStack& stack, WireState& state) {
   const std::vector<Eigen::Vector3d> path_mm(state.nodes().begin() + 1, state.nodes().end());
-  const InstrumentPlaces places = state.places();
+  const InstrumentPoses poses = state.poses();
   state.RemoveOthers(stack.curves());
   for (int c = 0; c < stack.curves(); ++c) {
     Curve& curve =
-        c == 0 ? state : state.AddCurve(stack.rod(c), places.size(), stack.OnCurve(c).first);
+        c == 0 ? state : state.AddCurve(stack.rod(c), poses.size(), stack.OnCurve(c).first);
     const std::vector<Eigen::Vector3d>& own_mm = stack.StartPath(c);
-    curve.LayAlong(stack.rod(c), own_mm.empty() ? path_mm : own_mm, places, stack.Reach(c, places));
+    curve.LayAlong(stack.rod(c), own_mm.empty() ? path_mm : own_mm, poses, stack.Reach(c, poses));
   }
 }
 
-double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
-                     const InstrumentPlaces& goal, double feed_mm, double turn_rad) {
+double FractionOfMotion(const InstrumentPoses& here, const InstrumentPoses& next,
+                        const InstrumentPoses& goal, double feed_mm, double turn_rad) {
   double longest = 0;
   double fraction = 1;
-  const auto take = [&](double from, double to, double end, double part) {
-    const double parts = std::abs(end - from) / part;
-    if (parts <= longest) return;
-    longest = parts;
+  const auto take = [&](double from, double to, double end, double step) {
+    const double steps = std::abs(end - from) / step;
+    if (steps <= longest) return;
+    longest = steps;
     fraction = (to - from) / (end - from);
   };
   for (int k = 0; k < here.size(); ++k) {
@@ -40,7 +40,7 @@ double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
   return fraction;
 }
 
-int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next) {
+int CountActions(const InstrumentPoses& here, const InstrumentPoses& next) {
   int actions = 0;
   for (int k = 0; k < here.size(); ++k) {
     actions += (next[k].insertion_mm != here[k].insertion_mm) +
@@ -67,8 +67,8 @@ const Eigen::Vector3d& FedAlong(const WireModel& rod, const Curve& curve, int se
 
 PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mechanics,
                                 const std::vector<BetweenCurves>& between) {
-  constexpr double kPartOfDistance = 0.5;    // by which a feed may bring two nearer
-  constexpr double kPartOfPrediction = 0.1;  // same for each of two predictions
+  constexpr double kFractionOfDistance = 0.5;    // by which a feed may bring two nearer
+  constexpr double kFractionOfPrediction = 0.1;  // same for each of two predictions
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   PassingLimits limits{kInfinite, kInfinite};
   for (const BetweenCurves& pair : between) {
@@ -81,15 +81,15 @@ PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mec
       const double across =
           Across(FedAlong(mechanics.model(pair.inner), inner, on.inner), along).norm() +
           Across(FedAlong(mechanics.model(pair.outer), outer, on.outer), along).norm();
-      limits.predicted_mm = std::min(limits.predicted_mm, kPartOfPrediction * apart_mm);
+      limits.predicted_mm = std::min(limits.predicted_mm, kFractionOfPrediction * apart_mm);
       if (across > 0)
-        limits.feed_mm = std::min(limits.feed_mm, kPartOfDistance * apart_mm / across);
+        limits.feed_mm = std::min(limits.feed_mm, kFractionOfDistance * apart_mm / across);
     }
   }
   return limits;
 }
 
-void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, InstrumentStack& stack,
+void MoveInstruments(const InstrumentPoses& next, double predicted_mm, InstrumentStack& stack,
                      std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
                      WireState& state) {
   const bool alone = next.size() == 1;
@@ -97,7 +97,7 @@ void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, Instrume
   for (int c = 0; c < stack.curves(); ++c) {
     Curve& curve = state.curve(c);
     if (!alone) {
-      mechanics.points(c).TakeRadii();
+      mechanics.points(c).UpdateRadii();
       curve.MoveInstruments(stack.rod(c), next);
     }
     predictions[static_cast<std::size_t>(c)].Feed(stack.rod(c), stack.Reach(c, next), predicted_mm,
@@ -106,8 +106,8 @@ void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, Instrume
   if (alone) state.Rotate(next[0].rotation_rad);
 }
 
-void MoveSurfaces(const InstrumentStack& stack, const InstrumentPlaces& here,
-                  const InstrumentPlaces& next, bool turns, const Expansion& at,
+void MoveSurfaces(const InstrumentStack& stack, const InstrumentPoses& here,
+                  const InstrumentPoses& next, bool turns, const QuadraticModel& at,
                   const std::vector<EnergyTerm*>& terms) {
   std::array<SurfaceMove, kMostInstruments> moves = {};
   bool any = false;

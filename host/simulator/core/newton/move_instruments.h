@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "host/simulator/core/energy_term.h"
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/newton/feed_prediction.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
@@ -19,11 +19,11 @@ void LayCurves(const InstrumentStack& stack, WireState& state);
 /// Fraction of the motion from `here` to `goal` that the motion to `next` covers. All motions are
 /// proportional, so the longest one defines it, counted in parts of `feed_mm` and `turn_rad`. A
 /// tiny motion would consist only of rounding.
-double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
-                     const InstrumentPlaces& goal, double feed_mm, double turn_rad);
+double FractionOfMotion(const InstrumentPoses& here, const InstrumentPoses& next,
+                        const InstrumentPoses& goal, double feed_mm, double turn_rad);
 
 /// Number of insertions and rotations that differ.
-int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next);
+int CountActions(const InstrumentPoses& here, const InstrumentPoses& next);
 
 /// Limits of a move with which instruments beside each other cannot pass through each other, mm.
 /// Infinite if none are near.
@@ -36,7 +36,7 @@ PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mec
 
 /// Feeds and turns the curves of `state` to `next`, and combines the rods of `stack` for it.
 /// `predictions`: one for each curve; they move no node by more than `predicted_mm`.
-void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, InstrumentStack& stack,
+void MoveInstruments(const InstrumentPoses& next, double predicted_mm, InstrumentStack& stack,
                      std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
                      WireState& state);
 
@@ -44,8 +44,8 @@ void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, Instrume
 /// points move. Inside another instrument, the outer instrument's surface touches the wall and
 /// follows its own hand. `turns`: surfaces follow the rotations of the hands too. Those of an
 /// instrument that twists turn with its normals instead.
-void MoveSurfaces(const InstrumentStack& stack, const InstrumentPlaces& here,
-                  const InstrumentPlaces& next, bool turns, const Expansion& at,
+void MoveSurfaces(const InstrumentStack& stack, const InstrumentPoses& here,
+                  const InstrumentPoses& next, bool turns, const QuadraticModel& at,
                   const std::vector<EnergyTerm*>& terms);
 
 }  // namespace torquer

@@ -37,7 +37,7 @@ std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   // Names every member, so that a struct with another one does not compile. The scene and the state
   // determine the last three.
   const auto& [phase_now, part_now, was_moved, was_pushed, is_stable, is_paired, times_paired,
-               iterations, contacts, damper, feeds, travel, is_current, expansion] = *this;
+               iterations, contacts, damper, feeds, travel, is_current, quadratic] = *this;
   for (const FeedPrediction& feed : feeds) seed = feed.Hash(seed);
   seed = damper.Hash(seed);
   seed = HashWord(static_cast<std::uint64_t>(iterations), seed);

@@ -39,7 +39,8 @@ struct NewtonMemory {
   std::vector<FeedPrediction> predictions{};  ///< by curve
   double travel_mm = 0;                       ///< travel of the vessel at `current`
   bool up_to_date = true;                     ///< `current` belongs to the state
-  Expansion current;  ///< expansion at the state; while attempting with the loads of the model
+  QuadraticModel
+      current;  ///< quadratic model at the state; while attempting with the loads of the model
 
   bool attempting() const { return phase == Phase::kAttempting; }
   bool stalled() const { return phase == Phase::kStalled; }

@@ -39,8 +39,8 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       terms_(terms),
       mechanics_(stack(), field, wall, terms),
       solver_(mechanics_),
-      memory_{.current = mechanics_.MakeExpansion()},
-      trial_expansion_(mechanics_.MakeExpansion()),
+      memory_{.current = mechanics_.MakeQuadraticModel()},
+      trial_quadratic_(mechanics_.MakeQuadraticModel()),
       trial_(model_, stack().size()) {
   assert(kFront == (several_curves() || model_.stack_twists()));
   assert(kFront || kTwists == model_.twists());
@@ -57,25 +57,25 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
 
 template <class Sweep>
 void NewtonMethod<Sweep>::Restart(WireState& state) {
-  stack().Combine(state.places());
+  stack().Combine(state.poses());
   if (state.curves() != stack().curves()) LayCurves(stack(), state);
   for (int c = 0; c < state.curves(); ++c) {
     ContactPoints& points = mechanics_.points(c);
-    points.TakeRadii();
+    points.UpdateRadii();
     points.Forget();
-    points.TakeStiffness(state.curve(c));
+    points.SampleStiffness(state.curve(c));
   }
   mechanics_.PairCurves(state);
   for (EnergyTerm* term : terms_) term->Reset();
   memory_.Forget();
   memory_.travel_mm = field_.TravelMm();
-  Expand(state);
+  BuildModel(state);
 }
 
 template <class Sweep>
 void NewtonMethod<Sweep>::CopyFrom(const Relaxation& twin, const WireState& state) {
   const auto& from = dynamic_cast<const NewtonMethod&>(twin);
-  stack().Combine(state.places());
+  stack().Combine(state.poses());
   mechanics_.CopyFrom(from.mechanics_);
   memory_ = from.memory_;
 }
@@ -87,8 +87,8 @@ std::uint64_t NewtonMethod<Sweep>::Hash(std::uint64_t seed) const {
 }
 
 template <class Sweep>
-void NewtonMethod<Sweep>::Expand(const WireState& state) {
-  mechanics_.Expand(state, memory_.current);
+void NewtonMethod<Sweep>::BuildModel(const WireState& state) {
+  mechanics_.BuildModel(state, memory_.current);
   memory_.up_to_date = true;
 }
 
@@ -101,11 +101,11 @@ void NewtonMethod<Sweep>::BringUpToDate(const WireState& state) {
     memory_.paired = true;
     memory_.pairings = 0;
   }
-  Expand(state);
+  BuildModel(state);
 }
 
 template <class Sweep>
-void NewtonMethod<Sweep>::ExpandTrueLoads(const WireState& state) {
+void NewtonMethod<Sweep>::RestoreTrueLoads(const WireState& state) {
   BringUpToDate(state);
   if (!memory_.attempting()) return;
   // Restores the loads of the state, which those of the model had replaced.
@@ -115,14 +115,14 @@ void NewtonMethod<Sweep>::ExpandTrueLoads(const WireState& state) {
 template <class Sweep>
 double NewtonMethod<Sweep>::SolverErrorMm(const WireState& state) {
   if (state.Farthest().segments() == 0) return 0;
-  ExpandTrueLoads(state);
+  RestoreTrueLoads(state);
   if (!several_curves() || memory_.paired) return solver_.NextStepMm(state, memory_.current);
   // The next step with the pairs of this state. The solver keeps its own.
   mechanics_.ExchangePairs();
   mechanics_.PairCurves(state);
-  mechanics_.Expand(state, trial_expansion_);
+  mechanics_.BuildModel(state, trial_quadratic_);
   mechanics_.ExchangePairs();
-  return solver_.NextStepMm(state, trial_expansion_);
+  return solver_.NextStepMm(state, trial_quadratic_);
 }
 
 template <class Sweep>
@@ -133,17 +133,17 @@ double NewtonMethod<Sweep>::DiscretizationErrorMm(const WireState& state) {
                                      [](const EnergyTerm* term) { return term->Dissipates(); });
   if (kTwists || kFront || remembers) return kUnknown;
   if (state.Farthest().segments() == 0) return 0;
-  ExpandTrueLoads(state);
+  RestoreTrueLoads(state);
   // The set of touching points, and the sinking-in of a tip, are no smooth functions of the mesh.
   if (memory_.current.max_penetration_mm > 0) return kUnknown;
-  trial_expansion_ = memory_.current;
-  defect_.Put(model_, state, trial_expansion_);
-  return solver_.NextStepMm(state, trial_expansion_, &defect_.shift_mm());
+  trial_quadratic_ = memory_.current;
+  defect_.ReplaceGradients(model_, state, trial_quadratic_);
+  return solver_.NextStepMm(state, trial_quadratic_, &defect_.shift_mm());
 }
 
 template <class Sweep>
-bool NewtonMethod<Sweep>::Arrived(const InstrumentPlaces& goal, const WireState& state) const {
-  return state.places() == goal;
+bool NewtonMethod<Sweep>::Arrived(const InstrumentPoses& goal, const WireState& state) const {
+  return state.poses() == goal;
 }
 
 template <class Sweep>
@@ -166,7 +166,7 @@ void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
     return term->SlidingBetween() != nullptr;
   });
   if (between == terms_.end()) return;
-  Expansion& at = memory_.current;
+  QuadraticModel& at = memory_.current;
   for (int c = 0; c < state.curves(); ++c) at.curve(c).points.pressed_N.clear();
   if (at.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
   balance_.FindPressed(stack(), state, *(*between)->SlidingBetween(), at);
@@ -199,11 +199,11 @@ bool NewtonMethod<Sweep>::MayMove() const {
 }
 
 template <class Sweep>
-int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
-  const InstrumentPlaces here = state.places();
+int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
+  const InstrumentPoses here = state.poses();
   const PassingLimits limits = FindPassingLimits(state, mechanics_, memory_.current.between);
   const double feed_mm = std::min({settings_.max_feed_mm, model_.segment_mm() / 2, limits.feed_mm});
-  const InstrumentPlaces next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
+  const InstrumentPoses next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
   // For the terms each part is a tick, so their memory does not depend on the length of a tick.
   if (memory_.part == Part::kMoved) {
     EndPart();
@@ -211,8 +211,8 @@ int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   }
   memory_.part = Part::kMoved;
   if (!terms_.empty()) {
-    const double share = FractionOfWay(here, next, goal, feed_mm, settings_.max_turn_rad);
-    for (EnergyTerm* term : terms_) term->TakeShare(share);
+    const double fraction = FractionOfMotion(here, next, goal, feed_mm, settings_.max_turn_rad);
+    for (EnergyTerm* term : terms_) term->SetMotionFraction(fraction);
     MoveSurfaces(stack(), here, next, model_.spins() == 0, memory_.current, terms_);
   }
   for (int c = 0; c < state.curves(); ++c) {
@@ -227,8 +227,8 @@ int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
     memory_.ForgetPredictions();
   }
   memory_.Move();
-  for (int c = 0; c < state.curves(); ++c) mechanics_.points(c).TakeStiffness(state.curve(c));
-  Expand(state);
+  for (int c = 0; c < state.curves(); ++c) mechanics_.points(c).SampleStiffness(state.curve(c));
+  BuildModel(state);
   return CountActions(here, next);
 }
 
@@ -255,7 +255,7 @@ bool NewtonMethod<Sweep>::Paired(const WireState& state) {
   constexpr int kMostPairings = 4;
   if (!several_curves() || memory_.paired || memory_.pairings == kMostPairings) return true;
   mechanics_.PairCurves(state);
-  Expand(state);
+  BuildModel(state);
   memory_.paired = true;
   ++memory_.pairings;
   return memory_.current.residual <= settings_.tolerance;
@@ -279,7 +279,7 @@ void NewtonMethod<Sweep>::Relax(WireState& state, TickReport& report) {
 // Solves the model and evaluates its step in trial_. Accepts a step that gains enough energy.
 template <class Sweep>
 AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& report) {
-  Expansion& current = memory_.current;
+  QuadraticModel& current = memory_.current;
   AttemptRecord record;
   record.residual = current.residual;
   record.energy_mJ = current.energy_mJ;
@@ -294,17 +294,17 @@ AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& r
     const double turning = turn > settings_.max_step_rad ? settings_.max_step_rad / turn : 1;
     const double scale = std::min(turning, solver_.PassingScale(state, current));
     solver_.Apply(state, current, scale, trial_);
-    mechanics_.Expand(trial_, trial_expansion_);
+    mechanics_.BuildModel(trial_, trial_quadratic_);
     for (int c = 0; c < state.curves(); ++c) report.updates += state.curve(c).segments();
     record.step_scale = scale;
     record.expected_mJ = solution.expected_mJ;
-    record.gained_mJ = current.energy_mJ - trial_expansion_.energy_mJ;
+    record.gained_mJ = current.energy_mJ - trial_quadratic_.energy_mJ;
     // Near the minimum the gain is below the rounding error of the energy; then the residual
     // decides.
     const double rounding = 1e-12 * std::abs(current.energy_mJ);
     record.accepted =
         record.gained_mJ >= 0.1 * scale * solution.expected_mJ ||
-        (record.gained_mJ >= -rounding && trial_expansion_.residual < current.residual);
+        (record.gained_mJ >= -rounding && trial_quadratic_.residual < current.residual);
   }
   record.lookups += mechanics_.lookups();
   return record;
@@ -314,7 +314,7 @@ template <class Sweep>
 void NewtonMethod<Sweep>::Accept(const AttemptRecord& record, WireState& state,
                                  TickReport& report) {
   state.TakeStep(trial_);
-  std::swap(memory_.current, trial_expansion_);
+  std::swap(memory_.current, trial_quadratic_);
   memory_.stable = memory_.damping.weight() == 0;
   const bool well = record.step_scale == 1 && record.gained_mJ >= 0.5 * record.expected_mJ;
   memory_.damping.Accept(record.residual, well, memory_.moved);
@@ -326,7 +326,7 @@ void NewtonMethod<Sweep>::Accept(const AttemptRecord& record, WireState& state,
 
 template <class Sweep>
 void NewtonMethod<Sweep>::GiveUp(const WireState& state) {
-  Expand(state);
+  BuildModel(state);
   memory_.damping.Forget();
   memory_.phase = Phase::kStalled;
 }
@@ -348,13 +348,13 @@ void NewtonMethod<Sweep>::PushOff(WireState& state) {
   state.TakeStep(trial_);
   memory_.moved = memory_.paired = false;
   memory_.phase = Phase::kIdle;
-  Expand(state);
+  BuildModel(state);
 }
 
 template <class Sweep>
 void NewtonMethod<Sweep>::End(const WireState& /*state*/, bool settled, TickReport& report) {
   if (settled) EndPart();
-  const Expansion& current = memory_.current;
+  const QuadraticModel& current = memory_.current;
   report.converged = memory_.up_to_date && current.residual <= settings_.tolerance;
   report.stalled = memory_.stalled();
   report.energy_mJ = current.energy_mJ - current.dissipated_mJ;

@@ -53,7 +53,7 @@ class NewtonMethod final : public Relaxation {
 
   void Restart(WireState& state) override;
   void CopyFrom(const Relaxation& twin, const WireState& state) override;
-  const Expansion& Current() const override { return memory_.current; }
+  const QuadraticModel& Current() const override { return memory_.current; }
   std::uint64_t Hash(std::uint64_t seed) const override;
   double SolverErrorMm(const WireState& state) override;
   double DiscretizationErrorMm(const WireState& state) override;
@@ -68,10 +68,10 @@ class NewtonMethod final : public Relaxation {
                const WallModel& wall, const NewtonSettings& settings,
                const std::vector<EnergyTerm*>& terms);
 
-  bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
+  bool Arrived(const InstrumentPoses& goal, const WireState& state) const override;
   void Begin(WireState& state) override;
   bool MayMove() const override;
-  int Move(const InstrumentPlaces& goal, WireState& state) override;
+  int Move(const InstrumentPoses& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
@@ -87,9 +87,9 @@ class NewtonMethod final : public Relaxation {
   bool Stable(const WireState& state);
   bool Paired(const WireState& state);
   void PushOff(WireState& state);
-  void Expand(const WireState& state);
+  void BuildModel(const WireState& state);
   void BringUpToDate(const WireState& state);
-  void ExpandTrueLoads(const WireState& state);
+  void RestoreTrueLoads(const WireState& state);
 
   const WireModel& model_;
   const ClearanceField& field_;
@@ -99,7 +99,7 @@ class NewtonMethod final : public Relaxation {
   StepSolver<Sweep> solver_;
   NewtonMemory memory_;
   // Work space, which keeps nothing from one call to the next.
-  Expansion trial_expansion_;
+  QuadraticModel trial_quadratic_;
   WireState trial_;
   DiscretizationDefect defect_;
   HandForces balance_;  // of each instrument; for terms that act between instruments

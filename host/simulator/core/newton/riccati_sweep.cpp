@@ -35,20 +35,20 @@ RiccatiSweep<Stage>::RiccatiSweep(int max_segments) {
 
 template <class Stage>
 bool RiccatiSweep<Stage>::Factor(const WireModel& model, const Curve& curve,
-                                 const CurveExpansion& expansion, double weight) {
+                                 const CurveQuadraticModel& quadratic, double weight) {
   const auto n = curve.tangents().size();
   gains_.resize(n);
   checkpoints_.resize(n / kSpacing + 1);
-  return Sweep(model, curve, expansion, weight, curve.segments() - 1, CostToGo{});
+  return Sweep(model, curve, quadratic, weight, curve.segments() - 1, CostToGo{});
 }
 
 template <class Stage>
 bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const Curve& curve,
-                                   const CurveExpansion& expansion, double weight,
+                                   const CurveQuadraticModel& quadratic, double weight,
                                    int last_changed) {
   const int checkpoint = last_changed / kSpacing + 1;
-  if (checkpoint * kSpacing >= curve.segments()) return Factor(model, curve, expansion, weight);
-  return Sweep(model, curve, expansion, weight, checkpoint * kSpacing - 1,
+  if (checkpoint * kSpacing >= curve.segments()) return Factor(model, curve, quadratic, weight);
+  return Sweep(model, curve, quadratic, weight, checkpoint * kSpacing - 1,
                checkpoints_[static_cast<std::size_t>(checkpoint)]);
 }
 
@@ -139,9 +139,9 @@ void RiccatiSweep<Stage>::SubstituteSpin(const TurnTerms& turn, Pair length, con
 // The sweep is a third of an iteration.
 template <class Stage>
 void RiccatiSweep<Stage>::Assemble(const WireModel& model, const Curve& curve,
-                                   const CurveExpansion& expansion, double weight, int i,
+                                   const CurveQuadraticModel& quadratic, double weight, int i,
                                    Pair length, const Pair (&t)[3], CostToGo& v, StageCost& w) {
-  const JointTerms& joint = expansion.joints[i];
+  const JointTerms& joint = quadratic.joints[i];
   const Vector3d& tangent = curve.tangents()[i];
 
   // Cost beyond node i + 1, by (15) and the third term of (4). T'X is the pivot except for the
@@ -158,9 +158,9 @@ void RiccatiSweep<Stage>::Assemble(const WireModel& model, const Curve& curve,
                          v.force[2] * Both(tangent[2]));  // (14)
 
   // Loads on the segment itself.
-  const int at = expansion.load_index[i];
+  const int at = quadratic.load_index[i];
   if (at >= 0) {
-    const LoadTerms& load = expansion.loads[at];
+    const LoadTerms& load = quadratic.loads[at];
     Pair h[6];
     Pair ht[3];
     UpperTriangle(load.h1, h);
@@ -252,39 +252,39 @@ void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostTo
 
 template <class Stage>
 bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const Curve& curve,
-                                const CurveExpansion& expansion, double weight, int first,
+                                const CurveQuadraticModel& quadratic, double weight, int first,
                                 const CostToGo& cost) {
   if constexpr (Stage::kTwists) {
-    return SweepWith<Spin::kFree>(model, curve, expansion, weight, first, cost);
-  } else if (expansion.turns.empty()) {
-    return SweepWith<Spin::kNone>(model, curve, expansion, weight, first, cost);
+    return SweepWith<Spin::kFree>(model, curve, quadratic, weight, first, cost);
+  } else if (quadratic.turns.empty()) {
+    return SweepWith<Spin::kNone>(model, curve, quadratic, weight, first, cost);
   } else {
-    return SweepWith<Spin::kFollows>(model, curve, expansion, weight, first, cost);
+    return SweepWith<Spin::kFollows>(model, curve, quadratic, weight, first, cost);
   }
 }
 
 template <class Stage>
 template <typename RiccatiSweep<Stage>::Spin kSpin>
 bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const Curve& curve,
-                                    const CurveExpansion& expansion, double weight, int first,
+                                    const CurveQuadraticModel& quadratic, double weight, int first,
                                     CostToGo v) {
   for (int i = first; i >= 0; --i) {
-    const double* const frame = expansion.frames[i].data();
+    const double* const frame = quadratic.frames[i].data();
     const Pair length = Both(curve.SegmentLength(model, i));
     const Pair t[3] = {Load(frame), Load(frame + 2), Load(frame + 4)};
     Gain& gain = gains_[i];
     StageCost cost;
-    Assemble(model, curve, expansion, weight, i, length, t, v, cost);
+    Assemble(model, curve, quadratic, weight, i, length, t, v, cost);
     if constexpr (kSpin == Spin::kFree) {
       const int n = curve.segments();
       const double torsional = std::min(model.torsional_rigidity_N_mm2(n - i),
                                         model.torsional_rigidity_N_mm2(n - i - 1));
-      if (!EliminateSpin(expansion.twists[i], weight * torsional, length, t, v, cost, gain)) {
+      if (!EliminateSpin(quadratic.twists[i], weight * torsional, length, t, v, cost, gain)) {
         return false;
       }
     }
     if constexpr (kSpin == Spin::kFollows) {
-      SubstituteSpin(expansion.turns[i], length, t, v, cost);
+      SubstituteSpin(quadratic.turns[i], length, t, v, cost);
     }
     if (!Eliminate<kSpin>(cost, gain)) return false;
     Propagate<kSpin>(cost, gain, v);
@@ -296,15 +296,15 @@ bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const Curve& curve,
 
 template <class Stage>
 double RiccatiSweep<Stage>::Step(const WireModel& model, const Curve& curve,
-                                 const CurveExpansion& expansion, std::vector<Control>& step,
+                                 const CurveQuadraticModel& quadratic, std::vector<Control>& step,
                                  std::vector<double>& spin,
                                  std::vector<Vector3d>& displacement_mm) const {
   if constexpr (Stage::kTwists) {
-    StepWith<Spin::kFree>(model, curve, expansion, step, spin, displacement_mm);
-  } else if (expansion.turns.empty()) {
-    StepWith<Spin::kNone>(model, curve, expansion, step, spin, displacement_mm);
+    StepWith<Spin::kFree>(model, curve, quadratic, step, spin, displacement_mm);
+  } else if (quadratic.turns.empty()) {
+    StepWith<Spin::kNone>(model, curve, quadratic, step, spin, displacement_mm);
   } else {
-    StepWith<Spin::kFollows>(model, curve, expansion, step, spin, displacement_mm);
+    StepWith<Spin::kFollows>(model, curve, quadratic, step, spin, displacement_mm);
   }
   return predicted_decrease_;
 }
@@ -312,7 +312,7 @@ double RiccatiSweep<Stage>::Step(const WireModel& model, const Curve& curve,
 template <class Stage>
 template <typename RiccatiSweep<Stage>::Spin kSpin>
 void RiccatiSweep<Stage>::StepWith(const WireModel& model, const Curve& curve,
-                                   const CurveExpansion& expansion, std::vector<Control>& step,
+                                   const CurveQuadraticModel& quadratic, std::vector<Control>& step,
                                    std::vector<double>& spin,
                                    std::vector<Vector3d>& displacement_mm) const {
   const int n = curve.segments();
@@ -337,13 +337,13 @@ void RiccatiSweep<Stage>::StepWith(const WireModel& model, const Curve& curve,
       spin[i] = zeta;
     }
     if constexpr (kSpin == Spin::kFollows) {
-      const TurnTerms& turn = expansion.turns[i];
+      const TurnTerms& turn = quadratic.turns[i];
       zeta += Summed(Load(turn.proximal.data()) * previous + Load(turn.distal.data()) * xi)[0];
     }
     Store(xi, step[i].data());
     displacement_mm[i] = {dx[0][0], dx[1][0], dx[2][0]};
     const Pair turned = Both(curve.SegmentLength(model, i)) * xi;
-    const double* frame = expansion.frames[i].data();
+    const double* frame = quadratic.frames[i].data();
     for (int a = 0; a < 3; ++a)
       dx[a] += Summed(Load(frame + static_cast<std::ptrdiff_t>(2 * a)) * turned);
   }

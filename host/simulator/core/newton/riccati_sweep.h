@@ -21,7 +21,7 @@ namespace torquer {
 /// Stage of the sweep for a wire that does not twist. The control is the step in the tangent plane.
 /// The state is the displacement of the node and the step of the segment before. If the wire rests
 /// curved somewhere, the state also has the turn of the segment's untwisted frame. That turn
-/// depends on the steps before (CurveExpansion::turns).
+/// depends on the steps before (CurveQuadraticModel::turns).
 struct BendStage {
   static constexpr bool kTwists = false;
 };
@@ -41,20 +41,20 @@ class RiccatiSweep {
 
   /// Factors Hessian + damping weight. `weight` times the local EI/(1 mm) (spins: GJ) is added to
   /// every diagonal. Returns false if the sum is not positive definite; there is then no step.
-  bool Factor(const WireModel& model, const Curve& curve, const CurveExpansion& expansion,
+  bool Factor(const WireModel& model, const Curve& curve, const CurveQuadraticModel& quadratic,
               double weight);
 
   /// Factors again, with the result of Factor to the bit. It needs a successful factorization of
   /// the same state with the same weight. Since then only the loads of segments 0 .. `last_changed`
   /// may have changed. Reuses the factorization beyond them.
-  bool Refactor(const WireModel& model, const Curve& curve, const CurveExpansion& expansion,
+  bool Refactor(const WireModel& model, const Curve& curve, const CurveQuadraticModel& quadratic,
                 double weight, int last_changed);
 
   /// Computes the step of the last successful Factor or Refactor, one control per segment. Also
   /// gives the displacement of every segment's proximal node, mm, to first order. `spin`: rad,
   /// model.spins() per segment, only with twist. Returns the energy decrease that the quadratic
   /// model predicts, mJ (positive).
-  double Step(const WireModel& model, const Curve& curve, const CurveExpansion& expansion,
+  double Step(const WireModel& model, const Curve& curve, const CurveQuadraticModel& quadratic,
               std::vector<Control>& step, std::vector<double>& spin,
               std::vector<Eigen::Vector3d>& displacement_mm) const;
 
@@ -118,9 +118,9 @@ class RiccatiSweep {
   // Parts of the sweep's loop, separate for readability; inlined, since calls would cost a fifth of
   // the sweep.
   [[gnu::always_inline]] static inline void Assemble(const WireModel& model, const Curve& curve,
-                                                     const CurveExpansion& expansion, double weight,
-                                                     int i, Pair length, const Pair (&t)[3],
-                                                     CostToGo& v, StageCost& w);
+                                                     const CurveQuadraticModel& quadratic,
+                                                     double weight, int i, Pair length,
+                                                     const Pair (&t)[3], CostToGo& v, StageCost& w);
   /// Minimizes over the segment's spin; false if there is no minimum. Only for a TwistStage.
   static bool EliminateSpin(const TwistTerms& twist, double weight, Pair length, const Pair (&t)[3],
                             CostToGo& v, StageCost& w, Gain& gain);
@@ -134,13 +134,13 @@ class RiccatiSweep {
   [[gnu::always_inline]] static inline void Propagate(const StageCost& w, const Gain& gain,
                                                       CostToGo& v);
   /// Sweeps from `first` towards the sheath; `cost` is that of the segments beyond `first`.
-  bool Sweep(const WireModel& model, const Curve& curve, const CurveExpansion& expansion,
+  bool Sweep(const WireModel& model, const Curve& curve, const CurveQuadraticModel& quadratic,
              double weight, int first, const CostToGo& cost);
   template <Spin kSpin>
-  bool SweepWith(const WireModel& model, const Curve& curve, const CurveExpansion& expansion,
+  bool SweepWith(const WireModel& model, const Curve& curve, const CurveQuadraticModel& quadratic,
                  double weight, int first, CostToGo cost);
   template <Spin kSpin>
-  void StepWith(const WireModel& model, const Curve& curve, const CurveExpansion& expansion,
+  void StepWith(const WireModel& model, const Curve& curve, const CurveQuadraticModel& quadratic,
                 std::vector<Control>& step, std::vector<double>& spin,
                 std::vector<Eigen::Vector3d>& displacement_mm) const;
 

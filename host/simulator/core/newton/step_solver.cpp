@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 namespace {
 
 // Largest displacement of a node by a step, plus its `shift_mm` if given.
-double LongestMm(const WireModel& model, const Curve& curve, const CurveExpansion& at,
+double LongestMm(const WireModel& model, const Curve& curve, const CurveQuadraticModel& at,
                  const CurveStep& step, const std::vector<Vector3d>* shift_mm = nullptr) {
   const auto n = static_cast<std::size_t>(curve.segments());
   if (n == 0) return 0;
@@ -57,13 +57,13 @@ StepSolver<Sweep>::StepSolver(const WireMechanics& mechanics)
                                                 static_cast<std::size_t>(model.spins()));
   }
   if (curves() == 1) return;
-  for (const BetweenCurves& between : mechanics.MakeExpansion().between) {
+  for (const BetweenCurves& between : mechanics.MakeQuadraticModel().between) {
     between_sets_.emplace_back(between.springs.capacity());
   }
 }
 
 template <class Sweep>
-bool StepSolver<Sweep>::Factor(const WireState& state, const Expansion& at, double weight) {
+bool StepSolver<Sweep>::Factor(const WireState& state, const QuadraticModel& at, double weight) {
   if constexpr (kFront) {
     return sweep_.Factor(state, at, weight);
   } else {
@@ -72,7 +72,7 @@ bool StepSolver<Sweep>::Factor(const WireState& state, const Expansion& at, doub
 }
 
 template <class Sweep>
-bool StepSolver<Sweep>::Refactor(const WireState& state, const Expansion& at, double weight,
+bool StepSolver<Sweep>::Refactor(const WireState& state, const QuadraticModel& at, double weight,
                                  int changed) {
   if constexpr (kFront) {
     return sweep_.Refactor(state, at, weight, changed);
@@ -82,7 +82,7 @@ bool StepSolver<Sweep>::Refactor(const WireState& state, const Expansion& at, do
 }
 
 template <class Sweep>
-double StepSolver<Sweep>::Step(const WireState& state, const Expansion& at) {
+double StepSolver<Sweep>::Step(const WireState& state, const QuadraticModel& at) {
   if constexpr (kFront) {
     return sweep_.Step(state, at, steps_);
   } else {
@@ -94,18 +94,18 @@ double StepSolver<Sweep>::Step(const WireState& state, const Expansion& at) {
 // Sums the loads of the model with the springs of the active sets.
 template <class Sweep>
 void StepSolver<Sweep>::TakeLoads(const WireState& state, const std::vector<ActiveSet>& wall_sets,
-                                  Expansion& at) const {
+                                  QuadraticModel& at) const {
   for (int c = 0; c < curves(); ++c) {
-    mechanics_.Model(state, c, wall_sets[static_cast<std::size_t>(c)].active(), at);
+    mechanics_.SumActiveLoads(state, c, wall_sets[static_cast<std::size_t>(c)].active(), at);
   }
   for (std::size_t k = 0; k < between_sets_.size(); ++k) {
-    WireMechanics::ModelBetween(between_sets_[k].active(), at.between[k]);
+    WireMechanics::SumActiveBetween(between_sets_[k].active(), at.between[k]);
   }
 }
 
 template <class Sweep>
 void StepSolver<Sweep>::Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets,
-                              Expansion& at) {
+                              QuadraticModel& at) {
   for (int c = 0; c < curves(); ++c) {
     wall_sets[static_cast<std::size_t>(c)].Begin(at.curve(c), moved);
   }
@@ -115,7 +115,7 @@ void StepSolver<Sweep>::Begin(const WireState& state, bool moved, std::vector<Ac
 
 // Updates the sets for the step. Returns the most distal change, as Refactor takes it, or -1.
 template <class Sweep>
-int StepSolver<Sweep>::UpdateSets(const WireState& state, const Expansion& at,
+int StepSolver<Sweep>::UpdateSets(const WireState& state, const QuadraticModel& at,
                                   std::vector<ActiveSet>& wall_sets) {
   if constexpr (!kFront) {
     return wall_sets.front().Update(state, at, steps_.front());
@@ -141,7 +141,7 @@ int StepSolver<Sweep>::UpdateSets(const WireState& state, const Expansion& at,
 
 template <class Sweep>
 double StepSolver<Sweep>::EnergyAtRest(const std::vector<ActiveSet>& wall_sets,
-                                       const Expansion& at) const {
+                                       const QuadraticModel& at) const {
   double energy_mJ = 0;
   for (int c = 0; c < curves(); ++c) {
     energy_mJ += wall_sets[static_cast<std::size_t>(c)].EnergyAtRest(at.curve(c));
@@ -156,7 +156,7 @@ template <class Sweep>
 typename StepSolver<Sweep>::Solution StepSolver<Sweep>::Solve(const WireState& state, double weight,
                                                               bool moved,
                                                               std::vector<ActiveSet>& wall_sets,
-                                                              Expansion& at) {
+                                                              QuadraticModel& at) {
   constexpr int kRounds = 6;
   Begin(state, moved, wall_sets, at);
   int changed = kFront ? 0 : state.segments() - 1;
@@ -174,7 +174,7 @@ typename StepSolver<Sweep>::Solution StepSolver<Sweep>::Solve(const WireState& s
 }
 
 template <class Sweep>
-void StepSolver<Sweep>::Apply(const WireState& state, const Expansion& at, double scale,
+void StepSolver<Sweep>::Apply(const WireState& state, const QuadraticModel& at, double scale,
                               WireState& trial) const {
   for (int c = 0; c < curves(); ++c) {
     const CurveStep& step = steps_[static_cast<std::size_t>(c)];
@@ -194,9 +194,9 @@ double StepSolver<Sweep>::LargestTurn() const {
 }
 
 template <class Sweep>
-double StepSolver<Sweep>::PassingScale(const WireState& state, const Expansion& at) const {
-  constexpr double kPartOfDistance = 0.5;
-  constexpr double kPartOfTouching = 0.25;  // for curves that are almost in one place
+double StepSolver<Sweep>::PassingScale(const WireState& state, const QuadraticModel& at) const {
+  constexpr double kFractionOfDistance = 0.5;
+  constexpr double kFractionOfTouching = 0.25;  // for curves that are almost in one place
   const auto moved_mm = [&](int curve, int segment, double past_mm) {
     const CurveStep& step = steps_[static_cast<std::size_t>(curve)];
     const auto i = static_cast<std::size_t>(segment);
@@ -211,8 +211,8 @@ double StepSolver<Sweep>::PassingScale(const WireState& state, const Expansion& 
       const Vector3d apart_mm = moved_mm(between.inner, on.inner, neighbor.past_mm) -
                                 moved_mm(between.outer, on.outer, neighbor.foot_mm);
       const double across_mm = (apart_mm - apart_mm.dot(along) * along).norm();
-      const double most_mm =
-          std::max(kPartOfDistance * neighbor.apart_mm, kPartOfTouching * neighbor.touching_mm);
+      const double most_mm = std::max(kFractionOfDistance * neighbor.apart_mm,
+                                      kFractionOfTouching * neighbor.touching_mm);
       if (scale * across_mm > most_mm) scale = most_mm / across_mm;
     }
   }
@@ -220,12 +220,13 @@ double StepSolver<Sweep>::PassingScale(const WireState& state, const Expansion& 
 }
 
 template <class Sweep>
-bool StepSolver<Sweep>::IsDefinite(const WireState& state, const Expansion& at, double weight) {
+bool StepSolver<Sweep>::IsDefinite(const WireState& state, const QuadraticModel& at,
+                                   double weight) {
   return Factor(state, at, weight);
 }
 
 template <class Sweep>
-double StepSolver<Sweep>::NextStepMm(const WireState& state, const Expansion& at,
+double StepSolver<Sweep>::NextStepMm(const WireState& state, const QuadraticModel& at,
                                      const std::vector<Vector3d>* shift_mm) {
   if (!IsDefinite(state, at, 0)) return std::numeric_limits<double>::quiet_NaN();
   Step(state, at);
@@ -239,7 +240,7 @@ double StepSolver<Sweep>::NextStepMm(const WireState& state, const Expansion& at
 }
 
 template <class Sweep>
-void StepSolver<Sweep>::Push(const WireState& state, const Expansion& at, WireState& trial) {
+void StepSolver<Sweep>::Push(const WireState& state, const QuadraticModel& at, WireState& trial) {
   constexpr double kPush = 1e-4;  // largest turn of a segment, rad
   // All curves get the same push, because the inner instruments move along in the lumen.
   for (int c = 0; c < curves(); ++c) {

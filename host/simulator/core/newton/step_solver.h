@@ -32,41 +32,44 @@ class StepSolver {
 
   /// Replaces the loads of `at` by those of the model with the initial active sets. `moved`: the
   /// wire was moved, and no step accepted since. `wall_sets`: one for each curve.
-  void Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets, Expansion& at);
+  void Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets,
+             QuadraticModel& at);
   /// Minimizes the model, in which every near point has a one-sided spring. This is Newton's method
   /// on a piecewise quadratic function. Leaves the loads of the last active set in `at`.
   Solution Solve(const WireState& state, double weight, bool moved,
-                 std::vector<ActiveSet>& wall_sets, Expansion& at);
+                 std::vector<ActiveSet>& wall_sets, QuadraticModel& at);
   /// Sets `trial` to `state` after the fraction `scale` of the step.
-  void Apply(const WireState& state, const Expansion& at, double scale, WireState& trial) const;
+  void Apply(const WireState& state, const QuadraticModel& at, double scale,
+             WireState& trial) const;
   /// Largest fraction, at most 1, of the step with which curves beside each other cannot pass
   /// through each other: no two move against each other by more than half of their distance.
-  double PassingScale(const WireState& state, const Expansion& at) const;
+  double PassingScale(const WireState& state, const QuadraticModel& at) const;
   /// Largest turn of a segment or spin by the step, rad.
   double LargestTurn() const;
 
   /// True if Hessian + damping weight is positive definite with the loads of `at`.
-  bool IsDefinite(const WireState& state, const Expansion& at, double weight);
+  bool IsDefinite(const WireState& state, const QuadraticModel& at, double weight);
   /// Largest displacement of a node by Newton's step without damping, plus the node's `shift_mm` if
   /// given, mm. NaN if the Hessian is not positive definite. Replaces the step.
-  double NextStepMm(const WireState& state, const Expansion& at,
+  double NextStepMm(const WireState& state, const QuadraticModel& at,
                     const std::vector<Eigen::Vector3d>* shift_mm = nullptr);
   /// Sets `trial` to `state` after a small push that excites every shape. Its direction is
   /// arbitrary, but always the same. Replaces the step.
-  void Push(const WireState& state, const Expansion& at, WireState& trial);
+  void Push(const WireState& state, const QuadraticModel& at, WireState& trial);
 
  private:
   static constexpr bool kFront = std::is_same_v<Sweep, FrontSweep>;
 
   static Sweep MakeSweep(const WireMechanics& mechanics);
   int curves() const { return static_cast<int>(steps_.size()); }
-  bool Factor(const WireState& state, const Expansion& at, double weight);
-  bool Refactor(const WireState& state, const Expansion& at, double weight, int changed);
-  double Step(const WireState& state, const Expansion& at);
+  bool Factor(const WireState& state, const QuadraticModel& at, double weight);
+  bool Refactor(const WireState& state, const QuadraticModel& at, double weight, int changed);
+  double Step(const WireState& state, const QuadraticModel& at);
   void TakeLoads(const WireState& state, const std::vector<ActiveSet>& wall_sets,
-                 Expansion& at) const;
-  int UpdateSets(const WireState& state, const Expansion& at, std::vector<ActiveSet>& wall_sets);
-  double EnergyAtRest(const std::vector<ActiveSet>& wall_sets, const Expansion& at) const;
+                 QuadraticModel& at) const;
+  int UpdateSets(const WireState& state, const QuadraticModel& at,
+                 std::vector<ActiveSet>& wall_sets);
+  double EnergyAtRest(const std::vector<ActiveSet>& wall_sets, const QuadraticModel& at) const;
 
   const WireMechanics& mechanics_;
   Sweep sweep_;

@@ -32,7 +32,7 @@ PaperRelaxation::PaperRelaxation(const WireModel& model, const ClearanceField& f
       mechanics_(model, field, wall, no_terms_),
       physical_(model, field, wall, settings.physical),
       geometrical_(model, field, settings.geometrical),
-      current_(mechanics_.MakeExpansion()) {
+      current_(mechanics_.MakeQuadraticModel()) {
   assert(wall.points_per_segment == 1);
 }
 
@@ -46,7 +46,7 @@ void PaperRelaxation::Restart(WireState& state) {
   state.UntwistFrames(model_);
   InterruptCycles(state);
   mechanics_.points().Forget();
-  mechanics_.ExpandGradient(state, current_);
+  mechanics_.BuildGradient(state, current_);
   up_to_date_ = true;
 }
 
@@ -62,7 +62,7 @@ void PaperRelaxation::CopyFrom(const Relaxation& twin, const WireState& /*state*
 }
 
 // Selects the next action: only whole segments move; the remainder is carried.
-PaperRelaxation::Action PaperRelaxation::NextAction(const InstrumentPlaces& goal,
+PaperRelaxation::Action PaperRelaxation::NextAction(const InstrumentPoses& goal,
                                                     const WireState& state) const {
   // A feed that is short of a segment only by rounding counts as one.
   constexpr double kWhole = 1 - 1e-9;
@@ -73,7 +73,7 @@ PaperRelaxation::Action PaperRelaxation::NextAction(const InstrumentPlaces& goal
   return goal[0].rotation_rad == state.rotation_rad() ? Action::kNone : Action::kRotate;
 }
 
-bool PaperRelaxation::Arrived(const InstrumentPlaces& goal, const WireState& state) const {
+bool PaperRelaxation::Arrived(const InstrumentPoses& goal, const WireState& state) const {
   return NextAction(goal, state) == Action::kNone;
 }
 
@@ -82,7 +82,7 @@ void PaperRelaxation::Begin(WireState& /*state*/) {
   updates_before_ = physical_.updates();
 }
 
-int PaperRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
+int PaperRelaxation::Move(const InstrumentPoses& goal, WireState& state) {
   switch (NextAction(goal, state)) {
     case Action::kInsert:
       InsertSegment(model_, state);
@@ -92,9 +92,9 @@ int PaperRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
       break;
     default: {
       // One motion after the other: the feed waits.
-      const InstrumentPlaces here = state.places();
-      const InstrumentPlaces turned(here[0].insertion_mm, goal[0].rotation_rad);
-      const InstrumentPlaces next =
+      const InstrumentPoses here = state.poses();
+      const InstrumentPoses turned(here[0].insertion_mm, goal[0].rotation_rad);
+      const InstrumentPoses next =
           stack().Towards(turned, here, model_.segment_mm(), settings_.max_turn_rad);
       state.Rotate(next[0].rotation_rad);
     }
@@ -139,7 +139,7 @@ bool PaperRelaxation::RelaxSlice(WireState& state) {
 }
 
 void PaperRelaxation::BringUpToDate(const WireState& state) {
-  if (!up_to_date_) mechanics_.ExpandGradient(state, current_);
+  if (!up_to_date_) mechanics_.BuildGradient(state, current_);
   up_to_date_ = true;
 }
 

@@ -47,7 +47,7 @@ class PaperRelaxation final : public Relaxation {
 
   void Restart(WireState& state) override;
   void CopyFrom(const Relaxation& twin, const WireState& state) override;
-  const Expansion& Current() const override { return current_; }
+  const QuadraticModel& Current() const override { return current_; }
 
   const PhysicalRelaxation& physical() const { return physical_; }
   const GeometricalRelaxation& geometrical() const { return geometrical_; }
@@ -55,16 +55,16 @@ class PaperRelaxation final : public Relaxation {
  private:
   enum class Action { kNone, kInsert, kRetract, kRotate };
 
-  bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
+  bool Arrived(const InstrumentPoses& goal, const WireState& state) const override;
   void Begin(WireState& state) override;
   // Fig. 10: an action always comes first.
   bool MayMove() const override { return true; }
-  int Move(const InstrumentPlaces& goal, WireState& state) override;
+  int Move(const InstrumentPoses& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
 
-  Action NextAction(const InstrumentPlaces& goal, const WireState& state) const;
+  Action NextAction(const InstrumentPoses& goal, const WireState& state) const;
   bool RelaxSlice(WireState& state);
   void InterruptCycles(WireState& state);
   void BringUpToDate(const WireState& state);
@@ -80,7 +80,7 @@ class PaperRelaxation final : public Relaxation {
       ended_;               // true if the cycles of this tick have ended; empty until first asked
   bool up_to_date_ = true;  // current_ belongs to the state
   std::int64_t updates_before_ = 0;
-  Expansion current_;
+  QuadraticModel current_;
 };
 
 }  // namespace torquer

@@ -144,7 +144,7 @@ bool PhysicalRelaxation::ContinueCycle(std::int64_t updates, WireState& state) {
   const int iterations = std::min(n, static_cast<int>(std::ceil(settings_.cycle_fraction * n)));
   if (iteration_ == 1 && next_ == 0) {
     // The increments of nodes and frames accumulate rounding errors; every cycle recomputes them.
-    state.PlaceAgain(model_);
+    state.Rebuild(model_);
     free_mm_.assign(state.nodes().size(), -1);
     sum_squared_update_ = 0;
     cycle_updates_ = 0;

@@ -28,7 +28,7 @@ PredecessorRelaxation::PredecessorRelaxation(const WireModel& model, const Clear
       settings_(settings),
       mechanics_(model, field, wall, no_terms_),
       physical_(model, field, wall, Unbounded()),
-      current_(mechanics_.MakeExpansion()) {
+      current_(mechanics_.MakeQuadraticModel()) {
   assert(model.law() == BendingLaw::kG2);
   assert(wall.points_per_segment == 1);
 }
@@ -37,7 +37,7 @@ void PredecessorRelaxation::Restart(WireState& state) {
   state.UntwistFrames(model_);
   physical_.Restart(state);
   mechanics_.points().Forget();
-  mechanics_.ExpandGradient(state, current_);
+  mechanics_.BuildGradient(state, current_);
   up_to_date_ = true;
 }
 
@@ -58,8 +58,8 @@ void PredecessorRelaxation::Cycle(WireState& state) {
   up_to_date_ = false;
 }
 
-bool PredecessorRelaxation::Arrived(const InstrumentPlaces& goal, const WireState& state) const {
-  return state.places() == goal;
+bool PredecessorRelaxation::Arrived(const InstrumentPoses& goal, const WireState& state) const {
+  return state.poses() == goal;
 }
 
 void PredecessorRelaxation::Begin(WireState& /*state*/) {
@@ -67,9 +67,9 @@ void PredecessorRelaxation::Begin(WireState& /*state*/) {
   updates_before_ = physical_.updates();
 }
 
-int PredecessorRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
-  const InstrumentPlaces next = stack().Towards(
-      goal, state.places(), settings_.feed_segments * model_.segment_mm(), settings_.max_turn_rad);
+int PredecessorRelaxation::Move(const InstrumentPoses& goal, WireState& state) {
+  const InstrumentPoses next = stack().Towards(
+      goal, state.poses(), settings_.feed_segments * model_.segment_mm(), settings_.max_turn_rad);
   // A feed at the base pushes the wire forward as it lies.
   if (next.reach_mm() != state.insertion_mm()) state.FeedAtBase(model_, next.reach_mm());
   if (next[0].rotation_rad != state.rotation_rad()) state.Rotate(next[0].rotation_rad);
@@ -89,7 +89,7 @@ void PredecessorRelaxation::Relax(WireState& state, TickReport& report) {
 }
 
 void PredecessorRelaxation::End(const WireState& state, bool /*settled*/, TickReport& report) {
-  if (!up_to_date_) mechanics_.ExpandGradient(state, current_);
+  if (!up_to_date_) mechanics_.BuildGradient(state, current_);
   up_to_date_ = true;
   report.updates = physical_.updates() - updates_before_;
   report.converged = current_.residual <= settings_.tolerance;

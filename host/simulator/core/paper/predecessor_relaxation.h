@@ -32,13 +32,13 @@ class PredecessorRelaxation final : public Relaxation {
 
   void Restart(WireState& state) override;
   void CopyFrom(const Relaxation& twin, const WireState& state) override;
-  const Expansion& Current() const override { return current_; }
+  const QuadraticModel& Current() const override { return current_; }
 
  private:
-  bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
+  bool Arrived(const InstrumentPoses& goal, const WireState& state) const override;
   void Begin(WireState& state) override;
   bool MayMove() const override { return true; }
-  int Move(const InstrumentPlaces& goal, WireState& state) override;
+  int Move(const InstrumentPoses& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
@@ -52,7 +52,7 @@ class PredecessorRelaxation final : public Relaxation {
   bool cycled_ = false;     // a cycle was done in this tick
   bool up_to_date_ = true;  // current_ belongs to the state
   std::int64_t updates_before_ = 0;
-  Expansion current_;
+  QuadraticModel current_;
 };
 
 }  // namespace torquer

@@ -69,17 +69,17 @@ double ContactMm(const Line& inner, const Line& outer, double middle_mm, double 
   constexpr double kCrossing = 0.45;
   const double cosine = inner.along.dot(outer.along);
   const double squared_sine = 1 - cosine * cosine;
-  const double share = std::clamp(
+  const double fraction = std::clamp(
       (std::sqrt(std::max(0.0, squared_sine)) - kAlongside) / (kCrossing - kAlongside), 0.0, 1.0);
-  if (share == 0) return middle_mm;
+  if (fraction == 0) return middle_mm;
   const Vector3d apart = inner.begin + middle_mm * inner.along - outer.begin;
   const double nearest_mm =
       (cosine * outer.along.dot(apart) - inner.along.dot(apart)) / squared_sine;
-  return middle_mm + share * std::clamp(nearest_mm, -piece_mm / 2, piece_mm / 2);
+  return middle_mm + fraction * std::clamp(nearest_mm, -piece_mm / 2, piece_mm / 2);
 }
 
 // Part of a piece around a foot that a curve of a length covers.
-double CoveredPart(double foot_mm, double length_mm, double piece_mm) {
+double CoveredFraction(double foot_mm, double length_mm, double piece_mm) {
   return std::clamp(foot_mm / piece_mm + 0.5, 0.0, 1.0) *
          std::clamp((length_mm - foot_mm) / piece_mm + 0.5, 0.0, 1.0);
 }
@@ -90,8 +90,8 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
                             LumenPairs& out) const {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{stack, state.places(), stack.rod(out.inner), stack.rod(out.outer),
-                  inner, outer,          with_spots_,          out};
+  PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
+                  inner, outer,         with_spots_,          out};
   const double length_mm = outer.ArcLength(add.outer_rod);
   int facing = 0;
   for (int i = 0; i < inner.segments(); ++i) {
@@ -110,7 +110,7 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
       const double segment_mm = outer.SegmentLength(add.outer_rod, m);
       if (foot_mm < -segment_mm || foot_mm > 2 * segment_mm) continue;
       const double foot_arc_mm = ArcMm(add.outer_rod, outer, m) + foot_mm;
-      const double covered = CoveredPart(foot_arc_mm, length_mm, piece_mm);
+      const double covered = CoveredFraction(foot_arc_mm, length_mm, piece_mm);
       if (covered == 0 || LumenOf(stack, out.inner, ArcMm(add.inner_rod, inner, i) + past_mm) !=
                               LumenOf(stack, out.outer, foot_arc_mm)) {
         continue;
@@ -124,7 +124,7 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
 void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
                            const SegmentPair& on, int group, LumenPairs& pairs) const {
   PairBuilder builder{stack,
-                      state.places(),
+                      state.poses(),
                       stack.rod(pairs.inner),
                       stack.rod(pairs.outer),
                       state.curve(pairs.inner),

@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 namespace {
 
 // Arc length of a node past the sheath.
-double PlaceOf(const WireModel& rod, const Curve& curve, int node) {
+double NodeArcMm(const WireModel& rod, const Curve& curve, int node) {
   return node == 0 ? 0 : curve.first_segment_mm() + (node - 1) * rod.segment_mm();
 }
 
@@ -49,7 +49,7 @@ Vector3d FromOwnNormals(const WireModel& rod, const Curve& curve, int joint, int
       joint == 0 ? rod.sheath_normal() : curve.normals()[static_cast<std::size_t>(joint) - 1];
   const bool twists = rod.spins() > 0;
   const double turn_rad =
-      twists ? curve.TurnBefore(joint, instrument) : curve.places()[instrument].rotation_rad;
+      twists ? curve.TurnBefore(joint, instrument) : curve.poses()[instrument].rotation_rad;
   Vector2d turned = Turned(own, Vector2d(std::cos(turn_rad), std::sin(turn_rad)));
   if (!twists) {
     turned =
@@ -61,11 +61,11 @@ Vector3d FromOwnNormals(const WireModel& rod, const Curve& curve, int joint, int
 }  // namespace
 
 HandForces::OnCurve HandForces::CurveOf(const InstrumentStack& stack, const WireState& state,
-                                        const Expansion& expansion, int number,
+                                        const QuadraticModel& quadratic, int number,
                                         const CurveLoads& loads) {
   return {.rod = stack.rod(number),
           .curve = state.curve(number),
-          .at = expansion.curve(number),
+          .at = quadratic.curve(number),
           .number = number,
           .range = stack.OnCurve(number),
           .loads = loads};
@@ -73,30 +73,29 @@ HandForces::OnCurve HandForces::CurveOf(const InstrumentStack& stack, const Wire
 
 // Shares the loads between nodes by the lever rule, like the contacts. An instrument that touches
 // the wall or the lumen takes the loads there; the outermost on a curve takes all others.
-void HandForces::ShareLoads(const InstrumentStack& stack, const OnCurve& on) {
+void HandForces::DistributeLoads(const InstrumentStack& stack, const OnCurve& on) {
   const auto nodes = static_cast<std::size_t>(on.curve.segments()) + 1;
   for (int k = on.range.first; k < on.range.last; ++k) {
     load_N_[static_cast<std::size_t>(k)].assign(nodes, Vector3d::Zero());
   }
-  const auto share = [&](int instrument, int segment, double part, const Vector3d& load_N) {
+  const auto add = [&](int instrument, int segment, double fraction, const Vector3d& load_N) {
     const auto i = static_cast<std::size_t>(segment);
     std::vector<Vector3d>& loads_N = load_N_[static_cast<std::size_t>(instrument)];
-    loads_N[i] += (1 - part) * load_N;
-    loads_N[i + 1] += part * load_N;
+    loads_N[i] += (1 - fraction) * load_N;
+    loads_N[i + 1] += fraction * load_N;
   };
   const PointSet& points = on.at.points;
   for (int q = 0; q < points.size(); ++q) {
-    const double part = static_cast<double>(q % points.per_segment + 1) / points.per_segment;
-    share(points.SurfaceAt(q), q / points.per_segment, part,
-          -on.loads.point_gradient_N[static_cast<std::size_t>(q)]);
+    const double fraction = static_cast<double>(q % points.per_segment + 1) / points.per_segment;
+    add(points.SurfaceAt(q), q / points.per_segment, fraction,
+        -on.loads.point_gradient_N[static_cast<std::size_t>(q)]);
   }
-  const InstrumentPlaces& places = on.curve.places();
+  const InstrumentPoses& poses = on.curve.poses();
   for (const LumenLoad& load : on.loads.in_lumen) {
-    const double arc_mm = PlaceOf(on.rod, on.curve, load.segment) + load.past_mm;
-    const int instrument = load.in_own_lumen ? stack.LumenAt(on.number, places, arc_mm)
-                                             : stack.SurfaceAt(on.number, places, arc_mm);
-    share(
-        instrument, load.segment, load.past_mm / on.curve.SegmentLength(on.rod, load.segment),
+    const double arc_mm = NodeArcMm(on.rod, on.curve, load.segment) + load.past_mm;
+    const int instrument = load.in_own_lumen ? stack.LumenAt(on.number, poses, arc_mm)
+                                             : stack.SurfaceAt(on.number, poses, arc_mm);
+    add(instrument, load.segment, load.past_mm / on.curve.SegmentLength(on.rod, load.segment),
         load.force_N - load.unfelt_N * on.curve.tangents()[static_cast<std::size_t>(load.segment)]);
   }
 }
@@ -108,19 +107,20 @@ void HandForces::FindMoments(const JointIntegrals& integrals, const OnCurve& on,
   const WireModel& rod = on.rod;
   const Curve& curve = on.curve;
   const double length_mm = JointLength(rod, curve, joint);
-  const double part = length_mm / rod.segment_mm();
+  const double fraction = length_mm / rod.segment_mm();
   const Vector3d& before = TangentBefore(rod, curve, joint);
   std::array<Vector3d, kMostInstruments> rest_rad;
   Vector3d bend_rad = Bend(before, curve.tangents()[static_cast<std::size_t>(joint)]);
   for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
-    rest_rad[m] = part * FromOwnNormals(rod, curve, joint, order_[m], integrals.bend_rad[m]);
+    rest_rad[m] = fraction * FromOwnNormals(rod, curve, joint, order_[m], integrals.bend_rad[m]);
     bend_rad -= rest_rad[m];
   }
   const Vector3d moment_mJ = integrals.rigidity_N_mm2 / length_mm * bend_rad;
   for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
     const auto k = static_cast<std::size_t>(order_[m]);
-    bears_[k].moment_before_mJ = integrals.share[m] * moment_mJ;
-    bears_[k].inside = curve.places()[order_[m]].insertion_mm >= PlaceOf(rod, curve, joint + 1);
+    section_forces_[k].moment_before_mJ = integrals.share[m] * moment_mJ;
+    section_forces_[k].inside =
+        curve.poses()[order_[m]].insertion_mm >= NodeArcMm(rod, curve, joint + 1);
     hands_[k].torque_mJ -= before.dot(rest_rad[m].cross(moment_mJ));
   }
   FindPairMoments(integrals, on, joint);
@@ -131,7 +131,7 @@ void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve&
   const WireModel& rod = on.rod;
   const Curve& curve = on.curve;
   const double lambda = rod.segment_mm();
-  const double part = JointLength(rod, curve, joint) / lambda;
+  const double fraction = JointLength(rod, curve, joint) / lambda;
   const Vector3d& before = TangentBefore(rod, curve, joint);
   for (std::size_t b = 0; b < static_cast<std::size_t>(count_); ++b) {
     for (std::size_t a = 0; a < b; ++a) {
@@ -141,14 +141,14 @@ void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve&
       const Vector3d of_b = FromOwnNormals(rod, curve, joint, order_[b], pair.of_b_mJ_mm);
       const auto first = static_cast<std::size_t>(order_[a]);
       const auto second = static_cast<std::size_t>(order_[b]);
-      bears_[first].moment_before_mJ += (of_b - of_a) / lambda;
-      bears_[second].moment_before_mJ += (of_a - of_b) / lambda;
+      section_forces_[first].moment_before_mJ += (of_b - of_a) / lambda;
+      section_forces_[second].moment_before_mJ += (of_a - of_b) / lambda;
       // Turn from the normals of a to those of b.
       const Vector3d axis_a = FromOwnNormals(rod, curve, joint, order_[a], Vector2d::UnitX());
       const Vector3d axis_b = FromOwnNormals(rod, curve, joint, order_[b], Vector2d::UnitX());
       const double cosine = axis_a.dot(axis_b);
       const double sine = before.dot(axis_a.cross(axis_b));
-      const double torque_mJ = part * (pair.along_mJ * sine - pair.across_mJ * cosine);
+      const double torque_mJ = fraction * (pair.along_mJ * sine - pair.across_mJ * cosine);
       hands_[first].torque_mJ -= torque_mJ;
       hands_[second].torque_mJ += torque_mJ;
     }
@@ -164,14 +164,15 @@ void HandForces::Balance(const OnCurve& on, int node, const Sliding& sliding) {
   const Vector3d& beyond = node < curve.segments() ? curve.tangents()[i] : curve.tangents()[i - 1];
   const Vector3d tangent = (before + beyond).normalized();
   const double length_mm = (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
-  for (Bears& bears : bears_) bears.friction_N = 0;
+  for (SectionForces& section : section_forces_) section.friction_N = 0;
   for (int round = 0; round < kRounds; ++round) {
     for (int k = on.range.first; k < on.range.last; ++k) {
-      Bears& bears = bears_[static_cast<std::size_t>(k)];
-      const Vector3d shear_N = before.cross(bears.moment_mJ - bears.moment_before_mJ) / length_mm;
-      const double axial_N = bears.force_N.dot(tangent) + bears.friction_N +
+      SectionForces& section = section_forces_[static_cast<std::size_t>(k)];
+      const Vector3d shear_N =
+          before.cross(section.moment_mJ - section.moment_before_mJ) / length_mm;
+      const double axial_N = section.force_N.dot(tangent) + section.friction_N +
                              load_N_[static_cast<std::size_t>(k)][i].dot(tangent);
-      bears.force_before_N =
+      section.force_before_N =
           (axial_N - shear_N.dot(tangent)) / before.dot(tangent) * before + shear_N;
     }
     if (sliding.coefficient == 0) break;
@@ -188,23 +189,23 @@ void HandForces::FindFriction(const OnCurve& on, int node, const Sliding& slidin
   const Vector3d& before = curve.tangents()[i - 1];
   const Vector3d& beyond = node < curve.segments() ? curve.tangents()[i] : curve.tangents()[i - 1];
   const Vector3d tangent = (before + beyond).normalized();
-  for (Bears& bears : bears_) bears.friction_N = 0;
+  for (SectionForces& section : section_forces_) section.friction_N = 0;
   Vector3d held_N = Vector3d::Zero();
   int inner = -1;
   for (int k = on.range.first; k < on.range.last; ++k) {
-    Bears& bears = bears_[static_cast<std::size_t>(k)];
-    if (!bears.inside) continue;
+    SectionForces& section = section_forces_[static_cast<std::size_t>(k)];
+    if (!section.inside) continue;
     if (inner >= 0) {
       const double pressed_N = held_N.norm();
       const double most_N = sliding.coefficient * pressed_N;
       pressed_N_[i][static_cast<std::size_t>(inner)] = pressed_N;
       const int way =
           sliding.direction[static_cast<std::size_t>(inner)][static_cast<std::size_t>(k)];
-      bears_[static_cast<std::size_t>(inner)].friction_N -= way * most_N;
-      bears.friction_N += way * most_N;
+      section_forces_[static_cast<std::size_t>(inner)].friction_N -= way * most_N;
+      section.friction_N += way * most_N;
     }
-    const Vector3d on_N = bears.force_before_N.dot(before) * before -
-                          bears.force_N.dot(beyond) * beyond -
+    const Vector3d on_N = section.force_before_N.dot(before) * before -
+                          section.force_N.dot(beyond) * beyond -
                           load_N_[static_cast<std::size_t>(k)][i];
     held_N += on_N - on_N.dot(tangent) * tangent;
     inner = k;
@@ -231,20 +232,20 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
     order_[static_cast<std::size_t>(count_++)] = k;
   }
   std::sort(order_.begin(), order_.begin() + count_, [&curve](int a, int b) {
-    return curve.places()[a].insertion_mm > curve.places()[b].insertion_mm;
+    return curve.poses()[a].insertion_mm > curve.poses()[b].insertion_mm;
   });
-  ShareLoads(stack, on);
+  DistributeLoads(stack, on);
   std::array<RodJoints::Member, kMostInstruments> members;
   for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
     const int k = order_[m];
     members[m] = {&stack.instrument(k).sections(),
-                  curve.insertion_mm() - curve.places()[k].insertion_mm};
+                  curve.insertion_mm() - curve.poses()[k].insertion_mm};
   }
   RodJoints joints(members, count_, on.rod.segment_mm());
   for (int i = curve.segments(); i > 0; --i) {
-    for (Bears& bears : bears_) {
-      bears.moment_mJ = bears.moment_before_mJ;
-      bears.force_N = bears.force_before_N;
+    for (SectionForces& section : section_forces_) {
+      section.moment_mJ = section.moment_before_mJ;
+      section.force_N = section.force_before_N;
     }
     // The torque of an instrument that twists reaches its hand as its own torsion. The hand itself
     // turns the rest shape at the clamp.
@@ -260,17 +261,17 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
 }
 
 void HandForces::FindPressed(const InstrumentStack& stack, const WireState& state,
-                             const Sliding& sliding, Expansion& expansion) {
+                             const Sliding& sliding, QuadraticModel& quadratic) {
   hands_ = {};
   for (int c = 0; c < stack.curves(); ++c) {
     const auto n = static_cast<std::size_t>(state.curve(c).segments());
-    std::vector<std::array<double, kMostInstruments>>& out = expansion.curve(c).points.pressed_N;
+    std::vector<std::array<double, kMostInstruments>>& out = quadratic.curve(c).points.pressed_N;
     out.assign(n, {});
-    const OnCurve on = CurveOf(stack, state, expansion, c, loads_);
+    const OnCurve on = CurveOf(stack, state, quadratic, c, loads_);
     if (n == 0 || on.range.last - on.range.first < 2) continue;
     pressed_N_.assign(n + 1, {});
-    bears_ = {};
-    FindCurveLoads(state, expansion, c, loads_);
+    section_forces_ = {};
+    FindCurveLoads(state, quadratic, c, loads_);
     BalanceAll(stack, on, sliding);
     // The force at a node is split equally between its two segments; that at the last node goes to
     // the last segment.
@@ -285,19 +286,19 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
 }
 
 void HandForces::Find(const InstrumentStack& stack, const WireState& state,
-                      const Expansion& expansion, const InternalForces& forces,
+                      const QuadraticModel& quadratic, const InternalForces& forces,
                       const Sliding& sliding) {
   hands_ = {};
   const int farthest = state.FarthestCurve();
   for (int c = 0; c < stack.curves(); ++c) {
     const auto n = static_cast<std::size_t>(state.curve(c).segments());
     if (n == 0) continue;
-    bears_ = {};
+    section_forces_ = {};
     pressed_N_.assign(n + 1, {});
-    if (c != farthest) FindCurveLoads(state, expansion, c, loads_);
-    FindOnCurve(stack, CurveOf(stack, state, expansion, c, c == farthest ? forces.loads : loads_),
+    if (c != farthest) FindCurveLoads(state, quadratic, c, loads_);
+    FindOnCurve(stack, CurveOf(stack, state, quadratic, c, c == farthest ? forces.loads : loads_),
                 forces, sliding);
-    const PointSet& points = expansion.curve(c).points;
+    const PointSet& points = quadratic.curve(c).points;
     const std::vector<double>& torque_mJ = forces.surface_torque_mJ[static_cast<std::size_t>(c)];
     for (int q = 0; q < points.size(); ++q) {
       hands_[static_cast<std::size_t>(points.SurfaceAt(q))].torque_mJ -=
@@ -306,7 +307,7 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
   }
   if (stack.rod().spins() > 0) return;
   // Lumen friction turns surfaces that do not twist.
-  for (const BetweenCurves& between : expansion.between) {
+  for (const BetweenCurves& between : quadratic.between) {
     for (const BetweenCurves::Slide& slide : between.slides) {
       const double around_N = slide.load.gradient[1];
       hands_[static_cast<std::size_t>(slide.inner)].torque_mJ += slide.inner_spin_mm * around_N;
@@ -328,7 +329,7 @@ void HandForces::FindOnCurve(const InstrumentStack& stack, const OnCurve& on,
   }
   int leader = on.range.first;
   for (int k = leader + 1; k < on.range.last; ++k) {
-    if (curve.places()[k].insertion_mm > curve.places()[leader].insertion_mm) leader = k;
+    if (curve.poses()[k].insertion_mm > curve.poses()[leader].insertion_mm) leader = k;
   }
   double left_N = on.at.distal_gradient[0].dot(entry) -
                   rod.rigidity_N_mm2(curve.segments()) * bend.squaredNorm() / 2;
@@ -338,10 +339,10 @@ void HandForces::FindOnCurve(const InstrumentStack& stack, const OnCurve& on,
     const double twisted_N = TorsionalThrust(rod, curve, k);
     left_N -= twisted_N;
     if (k == leader) continue;
-    const double inside_mm = curve.places()[k].insertion_mm;
+    const double inside_mm = curve.poses()[k].insertion_mm;
     if (inside_mm <= 0) continue;
     const double rigidity = SectionAt(stack.instrument(k).sections(), inside_mm).rigidity_N_mm2;
-    hands_[at].axial_N = -(bears_[at].force_before_N + load_N_[at].front()).dot(entry) -
+    hands_[at].axial_N = -(section_forces_[at].force_before_N + load_N_[at].front()).dot(entry) -
                          rigidity * bend.squaredNorm() / 2 - twisted_N;
     left_N -= hands_[at].axial_N;
   }

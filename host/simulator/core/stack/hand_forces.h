@@ -5,7 +5,7 @@
 #include <array>
 #include <vector>
 
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/internal_forces.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_state.h"
@@ -30,14 +30,14 @@ struct Sliding {
 /// its tip to the sheath, curve by curve. Reuses its buffers between calls.
 class HandForces {
  public:
-  /// `forces`: result of FindInternalForces for the state of `expansion`. O(n).
-  void Find(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
+  /// `forces`: result of FindInternalForces for the state of `quadratic`. O(n).
+  void Find(const InstrumentStack& stack, const WireState& state, const QuadraticModel& quadratic,
             const InternalForces& forces, const Sliding& sliding);
   /// Finds only the contact force of each instrument against the next one around it on its curve,
-  /// by segment: PointSet::pressed_N of `expansion`. Does nothing if the coefficient is 0. O(n); no
+  /// by segment: PointSet::pressed_N of `quadratic`. Does nothing if the coefficient is 0. O(n); no
   /// heap after Reserve.
   void FindPressed(const InstrumentStack& stack, const WireState& state, const Sliding& sliding,
-                   Expansion& expansion);
+                   QuadraticModel& quadratic);
   /// Reserves room for rods of `segments` segments.
   void Reserve(int segments, int points_per_segment);
   /// Results per instrument, the innermost first; zero for an instrument that is not inside.
@@ -48,7 +48,7 @@ class HandForces {
   struct OnCurve {
     const WireModel& rod;
     const Curve& curve;
-    const CurveExpansion& at;
+    const CurveQuadraticModel& at;
     int number;
     InstrumentStack::Range range;
     const CurveLoads& loads;
@@ -56,7 +56,7 @@ class HandForces {
 
   // Internal loads of an instrument at the current node of the balance. Same vector convention as
   // InternalForces.
-  struct Bears {
+  struct SectionForces {
     Eigen::Vector3d moment_mJ = Eigen::Vector3d::Zero();         // at the node
     Eigen::Vector3d moment_before_mJ = Eigen::Vector3d::Zero();  // at the node before it
     Eigen::Vector3d force_N = Eigen::Vector3d::Zero();           // in the segment beyond the node
@@ -66,11 +66,11 @@ class HandForces {
   };
 
   static OnCurve CurveOf(const InstrumentStack& stack, const WireState& state,
-                         const Expansion& expansion, int number, const CurveLoads& loads);
+                         const QuadraticModel& quadratic, int number, const CurveLoads& loads);
   void FindOnCurve(const InstrumentStack& stack, const OnCurve& on, const InternalForces& forces,
                    const Sliding& sliding);
   void BalanceAll(const InstrumentStack& stack, const OnCurve& on, const Sliding& sliding);
-  void ShareLoads(const InstrumentStack& stack, const OnCurve& on);
+  void DistributeLoads(const InstrumentStack& stack, const OnCurve& on);
   void FindMoments(const JointIntegrals& integrals, const OnCurve& on, int joint);
   void FindPairMoments(const JointIntegrals& integrals, const OnCurve& on, int joint);
   void Balance(const OnCurve& on, int node, const Sliding& sliding);
@@ -78,7 +78,7 @@ class HandForces {
 
   CurveLoads loads_;  // of a curve, if no InternalForces have them
   std::array<HandForce, kMostInstruments> hands_;
-  std::array<Bears, kMostInstruments> bears_;
+  std::array<SectionForces, kMostInstruments> section_forces_;
   std::array<int, kMostInstruments> order_ = {};  // on a curve, in order of decreasing reach
   int count_ = 0;                                 // entries of order_ in use
   // Load on each instrument, one entry per node.

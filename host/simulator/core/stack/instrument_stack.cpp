@@ -150,30 +150,28 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
   }
   joints_.resize(static_cast<std::size_t>(rod().max_segments()) + 1);
   if (instrument(0).twists()) twisting_.resize(joints_.size());
-  Combine(InstrumentPlaces(size()));
+  Combine(InstrumentPoses(size()));
 }
 
-InstrumentPlaces InstrumentStack::Bounded(const InstrumentPlaces& places) const {
-  InstrumentPlaces bounded = places;
+InstrumentPoses InstrumentStack::Bounded(const InstrumentPoses& poses) const {
+  InstrumentPoses bounded = poses;
   for (int k = 0; k < size(); ++k) {
-    bounded[k].insertion_mm =
-        std::clamp(places[k].insertion_mm, 0.0, instrument(k).max_length_mm());
+    bounded[k].insertion_mm = std::clamp(poses[k].insertion_mm, 0.0, instrument(k).max_length_mm());
   }
   return bounded;
 }
 
-InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
-                                          const InstrumentPlaces& here, double feed_mm,
-                                          double turn_rad) const {
+InstrumentPoses InstrumentStack::Towards(const InstrumentPoses& goal, const InstrumentPoses& here,
+                                         double feed_mm, double turn_rad) const {
   double longest_mm = 0;
   double most_rad = 0;
   for (int k = 0; k < size(); ++k) {
     longest_mm = std::max(longest_mm, std::abs(goal[k].insertion_mm - here[k].insertion_mm));
     most_rad = std::max(most_rad, std::abs(goal[k].rotation_rad - here[k].rotation_rad));
   }
-  const double feed_part = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
-  const double turn_part = most_rad > turn_rad ? turn_rad / most_rad : 1;
-  double part = std::min(feed_part, turn_part);
+  const double feed_fraction = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
+  const double turn_fraction = most_rad > turn_rad ? turn_rad / most_rad : 1;
+  double fraction = std::min(feed_fraction, turn_fraction);
   // Finds the instrument that passes the leader of its curve first, on this part of the way.
   int passed = -1;
   int passing = -1;
@@ -184,22 +182,22 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
       if (lead_mm == 0) continue;
       const double gain_mm = (goal[k].insertion_mm - here[k].insertion_mm) -
                              (goal[leader].insertion_mm - here[leader].insertion_mm);
-      if (!(part * gain_mm > lead_mm)) continue;
-      part = lead_mm / gain_mm;
+      if (!(fraction * gain_mm > lead_mm)) continue;
+      fraction = lead_mm / gain_mm;
       passed = leader;
       passing = k;
     }
   }
-  if (part == 1) return goal;
-  InstrumentPlaces next = here;
+  if (fraction == 1) return goal;
+  InstrumentPoses next = here;
   for (int k = 0; k < size(); ++k) {
     const double feed = goal[k].insertion_mm - here[k].insertion_mm;
     const double turn = goal[k].rotation_rad - here[k].rotation_rad;
     // The longest motion uses its exact limit, without rounding.
-    const bool whole_feed = part == feed_part && std::abs(feed) == longest_mm;
-    const bool whole_turn = part == turn_part && std::abs(turn) == most_rad;
-    next[k].insertion_mm += whole_feed ? std::copysign(feed_mm, feed) : part * feed;
-    next[k].rotation_rad += whole_turn ? std::copysign(turn_rad, turn) : part * turn;
+    const bool whole_feed = fraction == feed_fraction && std::abs(feed) == longest_mm;
+    const bool whole_turn = fraction == turn_fraction && std::abs(turn) == most_rad;
+    next[k].insertion_mm += whole_feed ? std::copysign(feed_mm, feed) : fraction * feed;
+    next[k].rotation_rad += whole_turn ? std::copysign(turn_rad, turn) : fraction * turn;
   }
   if (passing >= 0) next[passing].insertion_mm = next[passed].insertion_mm;
   return next;
@@ -222,44 +220,44 @@ bool InstrumentStack::AreBeside(int curve, int outer) const {
   return curve != outer;
 }
 
-int InstrumentStack::Leader(int curve, const InstrumentPlaces& places) const {
+int InstrumentStack::Leader(int curve, const InstrumentPoses& poses) const {
   const Range range = OnCurve(curve);
   int leader = range.first;
   for (int k = range.first + 1; k < range.last; ++k) {
-    if (places[k].insertion_mm > places[leader].insertion_mm) leader = k;
+    if (poses[k].insertion_mm > poses[leader].insertion_mm) leader = k;
   }
   return leader;
 }
 
-int InstrumentStack::SurfaceAt(int curve, const InstrumentPlaces& places, double arc_mm) const {
+int InstrumentStack::SurfaceAt(int curve, const InstrumentPoses& poses, double arc_mm) const {
   const Range range = OnCurve(curve);
   int found = range.last - 1;
-  for (int k = found - 1; k >= range.first && places[found].insertion_mm < arc_mm; --k) {
-    if (places[k].insertion_mm > places[found].insertion_mm) found = k;
+  for (int k = found - 1; k >= range.first && poses[found].insertion_mm < arc_mm; --k) {
+    if (poses[k].insertion_mm > poses[found].insertion_mm) found = k;
   }
   return found;
 }
 
-int InstrumentStack::LumenAt(int curve, const InstrumentPlaces& places, double arc_mm) const {
+int InstrumentStack::LumenAt(int curve, const InstrumentPoses& poses, double arc_mm) const {
   const Range range = OnCurve(curve);
   int found = range.first;
-  for (int k = found + 1; k < range.last && places[found].insertion_mm < arc_mm; ++k) {
-    if (places[k].insertion_mm > places[found].insertion_mm) found = k;
+  for (int k = found + 1; k < range.last && poses[found].insertion_mm < arc_mm; ++k) {
+    if (poses[k].insertion_mm > poses[found].insertion_mm) found = k;
   }
   return found;
 }
 
 // Collects the instruments of a curve in a rod that ends at `end_mm`, in order of decreasing reach;
 // of equals, the innermost comes first. Returns their number.
-int InstrumentStack::Gather(const InstrumentPlaces& places, Range range, double end_mm,
+int InstrumentStack::Gather(const InstrumentPoses& poses, Range range, double end_mm,
                             Members& members) const {
   const auto [first, last] = range;
   for (int k = first; k < last; ++k) {
     Member& member = members[static_cast<std::size_t>(k - first)];
-    const double rotation = places[k].rotation_rad;
+    const double rotation = poses[k].rotation_rad;
     member.model = &instrument(k);
     member.instrument = static_cast<std::size_t>(k);
-    member.behind_mm = end_mm - places[k].insertion_mm;
+    member.behind_mm = end_mm - poses[k].insertion_mm;
     member.turn << std::cos(rotation), std::sin(rotation);
   }
   const int count = last - first;
@@ -272,11 +270,11 @@ int InstrumentStack::Gather(const InstrumentPlaces& places, Range range, double 
   return count;
 }
 
-void InstrumentStack::Combine(const InstrumentPlaces& places) {
+void InstrumentStack::Combine(const InstrumentPoses& poses) {
   Members members;
   for (std::size_t c = 0; c < combined_.size(); ++c) {
     const int curve = static_cast<int>(c);
-    const int count = Gather(places, OnCurve(curve), Reach(curve, places), members);
+    const int count = Gather(poses, OnCurve(curve), Reach(curve, poses), members);
     CombineRod(members, OnCurve(curve).first, count, *combined_[c]);
   }
 }
@@ -366,8 +364,8 @@ int NodesBefore(const WireModel& rod, const Curve& curve, double insertion_mm) {
   return at.node + (at.beyond_mm > 0 ? 1 : 0);
 }
 
-void TakePart(const WireModel& rod, const Curve& curve, double insertion_mm,
-              std::vector<Eigen::Vector3d>& out) {
+void TakeNodes(const WireModel& rod, const Curve& curve, double insertion_mm,
+               std::vector<Eigen::Vector3d>& out) {
   const Stretch at = Find(rod, curve, insertion_mm);
   out.assign(curve.nodes().begin(), curve.nodes().begin() + at.node + 1);
   if (at.beyond_mm > 0) out.push_back(PointAt(rod, curve, insertion_mm));

@@ -26,7 +26,7 @@
 #include <vector>
 
 #include "host/simulator/core/curve.h"
-#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer {
@@ -45,11 +45,6 @@ struct Clearance {
   /// Contact spring between curves, per length of wire, N/mm^2, > 0 if there are several curves.
   double stiffness_N_mm2 = 0;
 };
-
-/// `v` turned by an angle; `turn` is its cosine and sine.
-inline Eigen::Vector2d Turned(const Eigen::Vector2d& v, const Eigen::Vector2d& turn) {
-  return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
-}
 
 class InstrumentStack {
  public:
@@ -70,7 +65,7 @@ class InstrumentStack {
   const WireModel& instrument(int k) const { return *instruments_[static_cast<std::size_t>(k)]; }
   /// Number of curves on which the instruments lie.
   int curves() const { return static_cast<int>(ranges_.size()); }
-  /// Rod of the instruments of a curve at the places of the last Combine.
+  /// Rod of the instruments of a curve at the poses of the last Combine.
   const WireModel& rod(int curve = 0) const { return *rods_[static_cast<std::size_t>(curve)]; }
   const Clearance& clearance() const { return clearance_; }
   /// Instruments `first` to `last` - 1 of a curve.
@@ -90,27 +85,27 @@ class InstrumentStack {
     return clearance_.start_path_mm[static_cast<std::size_t>(OnCurve(curve).first)];
   }
   /// Instrument of a curve that reaches farthest; of equals, the innermost.
-  int Leader(int curve, const InstrumentPlaces& places) const;
+  int Leader(int curve, const InstrumentPoses& poses) const;
   /// Its insertion, mm: the reach of the curve.
-  double Reach(int curve, const InstrumentPlaces& places) const {
-    return places[Leader(curve, places)].insertion_mm;
+  double Reach(int curve, const InstrumentPoses& poses) const {
+    return poses[Leader(curve, poses)].insertion_mm;
   }
   /// Instrument of a curve whose lumen, or whose surface, is met at an arc length: the innermost,
   /// or the outermost, that reaches it. If none does, the one that reaches farthest.
-  int LumenAt(int curve, const InstrumentPlaces& places, double arc_mm) const;
-  int SurfaceAt(int curve, const InstrumentPlaces& places, double arc_mm) const;
+  int LumenAt(int curve, const InstrumentPoses& poses, double arc_mm) const;
+  int SurfaceAt(int curve, const InstrumentPoses& poses, double arc_mm) const;
 
   /// Limits the insertions to 0 .. the length of each instrument.
-  InstrumentPlaces Bounded(const InstrumentPlaces& places) const;
-  /// Next places on the straight line from `here` to `goal`. Up to rounding, no insertion changes
+  InstrumentPoses Bounded(const InstrumentPoses& poses) const;
+  /// Next poses on the straight line from `here` to `goal`. Up to rounding, no insertion changes
   /// by more than `feed_mm`, and no rotation by more than `turn_rad`. All feeds and turns keep
   /// their proportion and arrive together. If another instrument of a curve is about to lead it,
   /// the motion stops when it reaches the leader. The last step ends at `goal` exactly.
-  InstrumentPlaces Towards(const InstrumentPlaces& goal, const InstrumentPlaces& here,
-                           double feed_mm, double turn_rad) const;
-  /// Sets the rods to the combined instruments at `places`. O(segments), no heap; does nothing for
+  InstrumentPoses Towards(const InstrumentPoses& goal, const InstrumentPoses& here, double feed_mm,
+                          double turn_rad) const;
+  /// Sets the rods to the combined instruments at `poses`. O(segments), no heap; does nothing for
   /// a lone wire.
-  void Combine(const InstrumentPlaces& places);
+  void Combine(const InstrumentPoses& poses);
 
  private:
   // An instrument in a rod, and the distance of its tip behind the rod's end.
@@ -125,7 +120,7 @@ class InstrumentStack {
   bool LiesBeside(int curve) const {
     return clearance_.is_beside[static_cast<std::size_t>(OnCurve(curve).first)];
   }
-  int Gather(const InstrumentPlaces& places, Range range, double end_mm, Members& members) const;
+  int Gather(const InstrumentPoses& poses, Range range, double end_mm, Members& members) const;
   void CombineRod(const Members& members, int first, int count, WireModel& rod);
   void CombineTwists(const Members& members, int count, const JointIntegrals& integrals,
                      double from_tip_mm, WireModel::TwistingJoint& joint) const;
@@ -142,8 +137,8 @@ class InstrumentStack {
 
 /// Nodes of a rod up to an instrument's insertion; the last is the instrument's tip. Overwrites
 /// `out`.
-void TakePart(const WireModel& rod, const Curve& curve, double insertion_mm,
-              std::vector<Eigen::Vector3d>& out);
+void TakeNodes(const WireModel& rod, const Curve& curve, double insertion_mm,
+               std::vector<Eigen::Vector3d>& out);
 /// Number of nodes of that part before the tip.
 int NodesBefore(const WireModel& rod, const Curve& curve, double insertion_mm);
 /// Position of that tip.

@@ -66,8 +66,8 @@ bool CurvePairs::WalkLumen(const InstrumentStack& stack, const WireState& state,
                            LumenPairs& out) const {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{stack, state.places(), stack.rod(out.inner), stack.rod(out.outer),
-                  inner, outer,          with_spots_,          out};
+  PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
+                  inner, outer,         with_spots_,          out};
   int& m = walk.outer_segment;
   bool begun = false;
   out.at_mouth = false;

@@ -70,9 +70,9 @@ LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, dou
   LumenPlace place;
   place.segment = segment;
   place.outer_segment = outer_segment;
-  place.inner = stack.SurfaceAt(out.inner, instruments, arc_mm);
-  place.outer = out.beside ? stack.SurfaceAt(out.outer, instruments, outer_begin_mm + foot_mm)
-                           : stack.LumenAt(out.outer, instruments, outer_begin_mm + foot_mm);
+  place.inner = stack.SurfaceAt(out.inner, poses, arc_mm);
+  place.outer = out.beside ? stack.SurfaceAt(out.outer, poses, outer_begin_mm + foot_mm)
+                           : stack.LumenAt(out.outer, poses, outer_begin_mm + foot_mm);
   place.past_mm = past_mm;
   place.foot_mm = foot_mm;
   place.weight_mm = weight_mm;
@@ -82,8 +82,8 @@ LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, dou
   place.lumen_mm = out.beside
                        ? outer_rod.radius_mm(outer.segments() - 1 - outer_segment)
                        : stack.clearance().lumen_radius_mm[static_cast<std::size_t>(place.outer)];
-  place.ahead_mm = instruments[place.inner].insertion_mm - arc_mm -
-                   (instruments[place.outer].insertion_mm - outer_begin_mm);
+  place.ahead_mm =
+      poses[place.inner].insertion_mm - arc_mm - (poses[place.outer].insertion_mm - outer_begin_mm);
   // A circle through the ends of a chord is beside it by kappa t (l - t) / 2.
   const double length_mm = inner.SegmentLength(inner_rod, segment);
   const double outer_mm = outer.SegmentLength(outer_rod, outer_segment);
@@ -139,8 +139,8 @@ void PairBuilder::AddPiece(int segment, double from_mm, double to_mm, int outer_
   const double length_mm = to_mm - from_mm;
   if (length_mm > kShortestMm) {
     constexpr double kRounding = 1e-9;
-    const double parts = length_mm * out.pieces_per_segment / inner_rod.segment_mm();
-    const int count = std::max(1, static_cast<int>(std::ceil(parts - kRounding)));
+    const double pieces = length_mm * out.pieces_per_segment / inner_rod.segment_mm();
+    const int count = std::max(1, static_cast<int>(std::ceil(pieces - kRounding)));
     for (int k = 0; k < count; ++k) {
       out.places.push_back(PlaceAt(segment, from_mm + (k + 0.5) * length_mm / count, outer_segment,
                                    length_mm / count));

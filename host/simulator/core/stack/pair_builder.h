@@ -14,7 +14,7 @@ double ArcMm(const WireModel& rod, const Curve& curve, int segment);
 /// Both curves of a pair, and the pairs to which places are added.
 struct PairBuilder {
   const InstrumentStack& stack;
-  const InstrumentPlaces& instruments;
+  const InstrumentPoses& poses;
   const WireModel& inner_rod;
   const WireModel& outer_rod;
   const Curve& inner;

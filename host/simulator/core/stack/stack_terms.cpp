@@ -20,13 +20,13 @@ struct Rests {
       : twisting(model.twisting_joint(curve.segments() - joint)),
         first(model.first_spin()),
         count(model.spins()),
-        part(JointLength(model, curve, joint) / model.segment_mm()) {
+        fraction(JointLength(model, curve, joint) / model.segment_mm()) {
     for (int k = 0; k < count; ++k) {
       const auto at = static_cast<std::size_t>(k);
       own[at].setZero();
       if (!Curved(k)) continue;
       const double turn = curve.TurnBefore(joint, first + k);
-      const Vector2d bend = part * Of(k).bend_rad;
+      const Vector2d bend = fraction * Of(k).bend_rad;
       own[at] = std::cos(turn) * bend + std::sin(turn) * QuarterTurn(bend);
       together += own[at];
       curved = true;
@@ -40,7 +40,7 @@ struct Rests {
   const WireModel::TwistingJoint& twisting;
   const int first;
   const int count;
-  const double part;  // length of the joint over that of a segment
+  const double fraction;  // length of the joint over that of a segment
   std::array<Vector2d, kMostInstruments> own;
   Vector2d together = Vector2d::Zero();
   bool curved = false;
@@ -65,14 +65,14 @@ void ForPairs(const Rests& rests, const Curve& curve, int joint, const Each& eac
           curve.TurnBefore(joint, rests.first + b) - curve.TurnBefore(joint, rests.first + a);
       const double c = std::cos(turn);
       const double s = std::sin(turn);
-      const double even = rests.part * (mutual.along_mJ * c + mutual.across_mJ * s);
-      const double odd = rests.part * (mutual.along_mJ * s - mutual.across_mJ * c);
-      each(a, b, MutualBend{rests.part * mutual.constant_mJ - even, odd, even});
+      const double even = rests.fraction * (mutual.along_mJ * c + mutual.across_mJ * s);
+      const double odd = rests.fraction * (mutual.along_mJ * s - mutual.across_mJ * c);
+      each(a, b, MutualBend{rests.fraction * mutual.constant_mJ - even, odd, even});
     }
   }
 }
 
-// BentBy with its first and second derivatives, in the frame (first normal, second normal,
+// BentDirection with its first and second derivatives, in the frame (first normal, second normal,
 // tangent).
 struct BentTwice {
   explicit BentTwice(const Vector2d& angle) {
@@ -231,7 +231,7 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
     out.distal_proximal.row(k) += own * geometry.g_p.transpose();
     out.distal_distal.row(k) += own * geometry.g_d.transpose();
   }
-  BearTwist(sum_stiffness, sum_torque, geometry, bending);
+  AddTwistTerms(sum_stiffness, sum_torque, geometry, bending);
 }
 
 }  // namespace torquer

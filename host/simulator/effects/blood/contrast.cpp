@@ -14,7 +14,7 @@ constexpr double kLongestStepS = 5e-3;  // resolves the pulse
 constexpr double kLargestCourant =
     0.9;  // fraction of a cell's contents given off in a step; 1 would empty it
 constexpr double kSourceRenewalS = 0.02;  // interval between searches for an injecting tip
-constexpr double kLeastPart = 1e-12;  // fraction of the injected dye below which an edge is cleared
+constexpr double kLeastFraction = 1e-12;  // of the injected dye; with less, an edge is cleared
 
 // Van Leer's limited difference: second order where smooth, no new extremes.
 double Limited(double behind, double ahead) {
@@ -62,8 +62,8 @@ Contrast::Contrast(const Flow& flow, const ContrastSettings& settings, const Wir
 }
 
 // Finds the response of all flows to an inflow at each node.
-void Contrast::TakeAnswers() {
-  answers_version_ = flow_.version();
+void Contrast::TakeResponses() {
+  responses_version_ = flow_.version();
   std::vector<double> inflow(flow_.graph().nodes().size(), 0);
   const std::vector<double> no_pressures(flow_.solution().ends().size(), 0);
   per_inflow_.resize(inflow.size());
@@ -79,7 +79,7 @@ void Contrast::CopyFrom(const Effect& twin) {
   concentration_ = from.concentration_;
   edge_mass_mg_ = from.edge_mass_mg_;
   per_inflow_ = from.per_inflow_;
-  answers_version_ = from.answers_version_;
+  responses_version_ = from.responses_version_;
   edge_mL_s_ = from.edge_mL_s_;
   source_ = from.source_;
   source_age_s_ = from.source_age_s_;
@@ -137,7 +137,7 @@ std::vector<Reading> Contrast::Readings() const {
 }
 
 void Contrast::Advance(const TickView& tick) {
-  const double insertion_mm = tick.state.places()[settings_.instrument].insertion_mm;
+  const double insertion_mm = tick.state.poses()[settings_.instrument].insertion_mm;
   Advance(tick.time_s, tick.step_s, tick.controls.contrast,
           PointAt(wire_, tick.state.CurveOf(settings_.instrument), insertion_mm));
 }
@@ -164,7 +164,7 @@ void Contrast::FindFlows(double time_s, bool injecting) {
     flows_[e].at_a = flows_[e].at_b = kMm3PerML * edge_mL_s_[e];
   }
   if (injecting) {
-    if (answers_version_ != flow_.version()) TakeAnswers();
+    if (responses_version_ != flow_.version()) TakeResponses();
     // An inflow within an edge acts on the other edges like two at its ends, divided by resistance.
     const auto at = static_cast<std::size_t>(source_.edge);
     const FlowEdge& edge = flow_.graph().edges()[at];
@@ -255,8 +255,8 @@ void Contrast::Step(double time_s, double step_s, bool injecting) {
       const auto n = static_cast<std::size_t>(from);
       const double flow_mm3_s = std::max(flows_[e].at_a, -flows_[e].at_b);
       if (node_mass_mg_[n] > 0) {
-        const double part = std::min(1.0, flow_mm3_s / node_out_mm3_s_[n]);
-        const double mass_mg = part * node_mass_mg_[n];
+        const double fraction = std::min(1.0, flow_mm3_s / node_out_mm3_s_[n]);
+        const double mass_mg = fraction * node_mass_mg_[n];
         inflow_mg_mL = kMm3PerML * mass_mg / (flow_mm3_s * step_s);
         node_mass_mg_[n] -= mass_mg;
       }
@@ -322,7 +322,7 @@ void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, boo
   double mass = 0;
   for (std::size_t i = 0; i < n; ++i) mass += c[i] * volume[i];
   edge_mass_mg_[e] = mass / kMm3PerML;
-  if (edge_mass_mg_[e] < kLeastPart * injected_mg_ && !injects) {
+  if (edge_mass_mg_[e] < kLeastFraction * injected_mg_ && !injects) {
     washed_out_mg_ += edge_mass_mg_[e];
     edge_mass_mg_[e] = 0;
     std::fill(c, c + n, 0.0);

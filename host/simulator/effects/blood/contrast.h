@@ -74,7 +74,7 @@ class Contrast final : public Effect, public Evolution, public Observer {
   void PlaceSource(const vessel::CenterlinePlace& place);
   void Step(double time_s, double step_s, bool injecting);
   void FindFlows(double time_s, bool injecting);
-  void TakeAnswers();
+  void TakeResponses();
   void OrderEdges();
   void CarryAlong(std::size_t edge, double step_s, double inflow_mg_mL, bool injects);
   int UpstreamNode(std::size_t edge) const;
@@ -91,7 +91,7 @@ class Contrast final : public Effect, public Evolution, public Observer {
   std::vector<double> edge_spread_1_s_;  // largest dispersion rate of a cell
   std::vector<double> edge_mass_mg_;
   std::vector<std::vector<double>> per_inflow_;  // [node][edge] flow for a unit of inflow there
-  int answers_version_ = -1;                     // version of the flow for per_inflow_
+  int responses_version_ = -1;                   // version of the flow for per_inflow_
   std::vector<double> edge_mL_s_;
   Source source_;
   double source_age_s_ = 0;

@@ -85,7 +85,7 @@ void Flow::Restart() {
   memory_.obstructed.assign(poiseuille_.size(), 0);
   SolveMean();
   memory_.now = memory_.mean;
-  memory_.moment_count = 0;
+  memory_.snapshot_count = 0;
   if (!stepped_) return;
   // The initial stored pressures are those of the mean flow.
   memory_.stored_mmHg.assign(memory_.outlets.size(), 0);
@@ -224,12 +224,12 @@ void Flow::Step() {
 void Flow::AdvanceTo(double time_s) {
   if (!stepped_) return;
   constexpr double kEarlyS = 1e-9;
-  memory_.moment_count = 0;
+  memory_.snapshot_count = 0;
   while (memory_.time_s + kStepS <= time_s + kEarlyS) {
     Step();
-    if (memory_.moments.size() == memory_.moment_count) memory_.moments.emplace_back();
-    memory_.moments[memory_.moment_count].time_s = memory_.time_s;
-    memory_.moments[memory_.moment_count++].edge_mL_s = memory_.now.edge_mL_s;
+    if (memory_.snapshots.size() == memory_.snapshot_count) memory_.snapshots.emplace_back();
+    memory_.snapshots[memory_.snapshot_count].time_s = memory_.time_s;
+    memory_.snapshots[memory_.snapshot_count++].edge_mL_s = memory_.now.edge_mL_s;
   }
 }
 
@@ -238,16 +238,16 @@ void Flow::Advance(const TickView& tick) {
     memory_.obstruction_age_s += tick.step_s;
     if (memory_.obstruction_age_s >= kObstructionS) {
       memory_.obstruction_age_s = 0;
-      Obstruct(tick.state, tick.expansion);
+      Obstruct(tick.state, tick.quadratic);
     }
   }
   AdvanceTo(tick.time_s);
 }
 
-void Flow::Obstruct(const WireState& state, const Expansion& expansion) {
+void Flow::Obstruct(const WireState& state, const QuadraticModel& quadratic) {
   std::vector<double> more(memory_.obstructed.size(), 0);
   for (int c = 0; c < state.curves(); ++c) {
-    AddObstruction(state.curve(c), expansion.curve(c).points, more);
+    AddObstruction(state.curve(c), quadratic.curve(c).points, more);
   }
   constexpr double kNoticed = 1e-3;
   bool same = true;
@@ -293,9 +293,9 @@ void Flow::AddObstruction(const Curve& curve, const PointSet& points,
 void Flow::EdgesAt(double time_s, std::vector<double>& edge_mL_s) const {
   if (stepped_) {
     edge_mL_s = memory_.now.edge_mL_s;
-    for (std::size_t k = 0; k < memory_.moment_count; ++k) {
-      if (memory_.moments[k].time_s < time_s) continue;
-      edge_mL_s = memory_.moments[k].edge_mL_s;
+    for (std::size_t k = 0; k < memory_.snapshot_count; ++k) {
+      if (memory_.snapshots[k].time_s < time_s) continue;
+      edge_mL_s = memory_.snapshots[k].edge_mL_s;
       break;
     }
     return;

@@ -58,7 +58,7 @@ class Flow final : public Effect, public Evolution {
   /// Advances Windkessels and stenoses to a time.
   void AdvanceTo(double time_s);
   /// Sets the present position of the devices.
-  void Obstruct(const WireState& state, const Expansion& expansion);
+  void Obstruct(const WireState& state, const QuadraticModel& quadratic);
   void AddObstruction(const Curve& curve, const PointSet& points, std::vector<double>& more) const;
 
   const FlowGraph& graph() const { return *graph_; }
@@ -77,7 +77,7 @@ class Flow final : public Effect, public Evolution {
   const FlowSolution::Flows& now() const { return memory_.now; }
 
  private:
-  struct Moment {
+  struct Snapshot {
     double time_s = 0;
     std::vector<double> edge_mL_s;
   };
@@ -92,8 +92,8 @@ class Flow final : public Effect, public Evolution {
     std::vector<double> stored_mmHg;       // at each Windkessel's compliance
     FlowSolution::Flows now;               // of the last step
     double time_s = 0;
-    std::vector<Moment> moments;  // of the last advance
-    std::size_t moment_count = 0;
+    std::vector<Snapshot> snapshots;  // of the last advance
+    std::size_t snapshot_count = 0;
     double obstruction_age_s = 0;
   };
 

@@ -6,10 +6,10 @@
 
 namespace torquer::effects {
 
-Compliance::Compliance(std::vector<Part> parts, const EffectContext& context)
+Compliance::Compliance(std::vector<RegionStiffness> regions, const EffectContext& context)
     : elsewhere_N_mm2_(context.wall.stiffness_N_mm2), moving_(context.moving) {
-  for (Part& part : parts) {
-    parts_.push_back({std::move(part.region), std::log(part.stiffness_N_mm2 / elsewhere_N_mm2_)});
+  for (RegionStiffness& wall : regions) {
+    regions_.push_back({std::move(wall.region), std::log(wall.stiffness_N_mm2 / elsewhere_N_mm2_)});
   }
 }
 
@@ -17,10 +17,10 @@ double Compliance::At(const Eigen::Vector3d& point_mm) const {
   const Eigen::Vector3d at = moving_ == nullptr ? point_mm : moving_->AtRest(point_mm);
   double log_factor = 0;
   bool any = false;
-  for (const LogPart& part : parts_) {
-    const double weight = part.region.Weight(at);
+  for (const RegionLogStiffness& wall : regions_) {
+    const double weight = wall.region.Weight(at);
     if (weight == 0) continue;
-    log_factor += weight * (part.log_stiffness - log_factor);
+    log_factor += weight * (wall.log_stiffness - log_factor);
     any = true;
   }
   return any ? elsewhere_N_mm2_ * std::exp(log_factor) : elsewhere_N_mm2_;
@@ -28,26 +28,26 @@ double Compliance::At(const Eigen::Vector3d& point_mm) const {
 
 namespace {
 
-struct CompliancePartSpec : RegionSpec {
+struct ComplianceRegionSpec : RegionSpec {
   std::optional<double> factor;
   std::optional<double> stiffness_N_mm2;
 };
 
 struct ComplianceSpec : TableSpec {
-  std::vector<CompliancePartSpec> regions;
+  std::vector<ComplianceRegionSpec> regions;
 };
 
-const Keys<CompliancePartSpec>& CompliancePartKeys() {
-  static const Keys<CompliancePartSpec> keys =
-      Keys<CompliancePartSpec>()
+const Keys<ComplianceRegionSpec>& ComplianceRegionKeys() {
+  static const Keys<ComplianceRegionSpec> keys =
+      Keys<ComplianceRegionSpec>()
           .Include(RegionKeys())
           .Otherwise("give stiffness_N_mm2")
-          .Number("factor", &CompliancePartSpec::factor, 1e-4, 1e4, "",
+          .Number("factor", &ComplianceRegionSpec::factor, 1e-4, 1e4, "",
                   "factor on vessel.wall_stiffness_N_mm2 in the region")
           .Otherwise("give factor")
-          .Number("stiffness_N_mm2", &CompliancePartSpec::stiffness_N_mm2, 1e-6, 1e3, "N/mm^2",
+          .Number("stiffness_N_mm2", &ComplianceRegionSpec::stiffness_N_mm2, 1e-6, 1e3, "N/mm^2",
                   "stiffness of the wall in the region, per length of wire")
-          .Checked([](const CompliancePartSpec& spec, StrictTable& table) {
+          .Checked([](const ComplianceRegionSpec& spec, StrictTable& table) {
             if (spec.factor.has_value() != spec.stiffness_N_mm2.has_value()) return;
             table.Refuse("factor", "give either factor or stiffness_N_mm2, not both or none");
           });
@@ -58,7 +58,7 @@ const Keys<ComplianceSpec>& ComplianceKeys() {
   static const Keys<ComplianceSpec> keys =
       Keys<ComplianceSpec>()
           .Tables(
-              "region", &ComplianceSpec::regions, CompliancePartKeys(), 1,
+              "region", &ComplianceSpec::regions, ComplianceRegionKeys(), 1,
               "regions of the wall with another stiffness; a later region overrides an earlier one")
           .Example(
               "[[effects.compliance.region]]\n"
@@ -71,13 +71,13 @@ const Keys<ComplianceSpec>& ComplianceKeys() {
 }
 
 std::unique_ptr<Effect> MakeCompliance(const ComplianceSpec& spec, const EffectContext& context) {
-  std::vector<Compliance::Part> parts;
-  for (const CompliancePartSpec& part : spec.regions) {
+  std::vector<Compliance::RegionStiffness> regions;
+  for (const ComplianceRegionSpec& wall : spec.regions) {
     const double stiffness =
-        part.factor ? *part.factor * context.wall.stiffness_N_mm2 : *part.stiffness_N_mm2;
-    parts.push_back({MakeRegion(part, context), stiffness});
+        wall.factor ? *wall.factor * context.wall.stiffness_N_mm2 : *wall.stiffness_N_mm2;
+    regions.push_back({MakeRegion(wall, context), stiffness});
   }
-  return std::make_unique<Compliance>(std::move(parts), context);
+  return std::make_unique<Compliance>(std::move(regions), context);
 }
 
 }  // namespace

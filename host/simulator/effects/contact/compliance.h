@@ -13,21 +13,21 @@ namespace torquer::effects {
 /// the vessel.
 class Compliance final : public Effect, public WallStiffness {
  public:
-  struct Part {
+  struct RegionStiffness {
     vessel::Region region;
     double stiffness_N_mm2 = 0;  ///< > 0
   };
-  Compliance(std::vector<Part> parts, const EffectContext& context);
+  Compliance(std::vector<RegionStiffness> regions, const EffectContext& context);
 
   const WallStiffness* wall_stiffness() override { return this; }
   double At(const Eigen::Vector3d& point_mm) const override;
 
  private:
-  struct LogPart {
+  struct RegionLogStiffness {
     vessel::Region region;
     double log_stiffness;
   };
-  std::vector<LogPart> parts_;
+  std::vector<RegionLogStiffness> regions_;
   const double elsewhere_N_mm2_;
   const vessel::MovingField* const moving_;
 };

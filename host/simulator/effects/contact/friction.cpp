@@ -13,9 +13,9 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 Friction::Friction(double coefficient, double slip_mm, const EffectContext& context,
-                   std::vector<Part> parts)
+                   std::vector<RegionFactor> regions)
     : slip_mm_(slip_mm),
-      parts_(std::move(parts)),
+      regions_(std::move(regions)),
       moving_(context.moving),
       stride_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
               static_cast<std::size_t>(context.wall.points_per_segment)) {
@@ -27,7 +27,7 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
   const std::size_t spots = stride_ * surfaces_.size();
   anchors_.resize(spots);
   presses_.resize(spots);
-  if (context.wire.spins() > 0) lies_.resize(spots);
+  if (context.wire.spins() > 0) local_frames_.resize(spots);
   on_curves_.resize(context.stack == nullptr ? 1
                                              : static_cast<std::size_t>(context.stack->curves()));
   for (Spots& on : on_curves_) {
@@ -53,11 +53,12 @@ double Friction::CoefficientAt(const PointSet& points, int q) const {
   const Surface& surface = surfaces_[static_cast<std::size_t>(instrument)];
   const bool coated = points.FromTipOf(instrument, q) < surface.coating_mm - kRoundingMm;
   const double own = coated ? surface.coating_coefficient : surface.coefficient;
-  if (parts_.empty()) return own;
+  if (regions_.empty()) return own;
   const Vector3d& point_mm = points.position[static_cast<std::size_t>(q)];
   const Vector3d at = moving_ == nullptr ? point_mm : moving_->AtRest(point_mm);
   double factor = 1;
-  for (const Part& part : parts_) factor += part.region.Weight(at) * (part.factor - factor);
+  for (const RegionFactor& wall : regions_)
+    factor += wall.region.Weight(at) * (wall.factor - factor);
   return own * factor;
 }
 
@@ -88,31 +89,31 @@ void Friction::FindPresses(const PointSet& points) {
     const double behind_mm = points.behind_mm[instrument];
     const double at = std::max(0.0, (points.FromTipMm(q) - behind_mm) / spacing_mm);
     const auto first = static_cast<std::size_t>(at + kRounding);
-    double part = std::max(0.0, at - static_cast<double>(first));
+    double fraction = std::max(0.0, at - static_cast<double>(first));
     const double next_mm = static_cast<double>(first + 1) * spacing_mm + behind_mm;
-    if (part < kRounding || next_mm > inserted_mm) part = 0;
+    if (fraction < kRounding || next_mm > inserted_mm) fraction = 0;
     const ClearanceSample& sample = points.clearance[p];
     const Vector3d normal_N = (points.stiffness_N_mm2[p] * points.weight_mm[p] *
                                (points.radius_mm[p] - sample.clearance_mm)) *
                               sample.gradient;
     const double limit_N = CoefficientAt(points, q) * normal_N.norm();
-    const auto press = [&](std::size_t from_tip, double share) {
+    const auto press = [&](std::size_t from_tip, double weight) {
       const std::size_t spot = instrument * stride_ + from_tip;
       Press& here = presses_[spot];
       if (!here.touches) on.pressed.push_back(spot);
       here.touches = true;
-      here.normal_N += share * normal_N;
-      here.limit_N += share * limit_N;
+      here.normal_N += weight * normal_N;
+      here.limit_N += weight * limit_N;
     };
-    press(first, 1 - part);
-    if (part > 0) press(first + 1, part);
+    press(first, 1 - fraction);
+    if (fraction > 0) press(first + 1, fraction);
   }
 }
 
 void Friction::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const Friction&>(twin);
   anchors_ = from.anchors_;
-  lies_ = from.lies_;
+  local_frames_ = from.local_frames_;
   presses_ = from.presses_;
   on_curves_ = from.on_curves_;
 }
@@ -146,23 +147,24 @@ void Friction::Begin(const PointSet& points) {
     anchor.normal = press.normal_N / force_N;
     anchor.limit_N = press.limit_N;
     if (anchor.limit_N > 0) on.acting.push_back(spot);
-    if (!lies_.empty()) lies_[spot] = LieOf(points, spot, place.point);
+    if (!local_frames_.empty()) local_frames_[spot] = LocalFrameOf(points, spot, place.point);
   }
 }
 
-Friction::Lie Friction::LieOf(const PointSet& points, std::size_t spot, int point) const {
+Friction::LocalFrame Friction::LocalFrameOf(const PointSet& points, std::size_t spot,
+                                            int point) const {
   return {points.Tangent(point), points.NormalOf(InstrumentOf(spot), point)};
 }
 
-Friction::Roll Friction::RollAt(const PointSet& points, std::size_t spot, int point,
-                                const Vector3d& normal) const {
-  const Lie& lie = lies_[spot];
+Friction::RollingSlip Friction::RollingSlipAt(const PointSet& points, std::size_t spot, int point,
+                                              const Vector3d& normal) const {
+  const LocalFrame& local = local_frames_[spot];
   const Vector3d tangent = points.Tangent(point);
-  const Vector3d from = ParallelTransport(lie.normal, lie.tangent, tangent);
+  const Vector3d from = ParallelTransport(local.normal, local.tangent, tangent);
   const Vector3d to = points.NormalOf(InstrumentOf(spot), point);
   return {.angle_rad = std::atan2(from.cross(to).dot(tangent), from.dot(to)),
           .per_rad_mm = SurfacePerRad(points, point, normal),
-          .area = lie.tangent.cross(tangent) / (1 + lie.tangent.dot(tangent))};
+          .area = local.tangent.cross(tangent) / (1 + local.tangent.dot(tangent))};
 }
 
 namespace {
@@ -170,13 +172,13 @@ namespace {
 // Shares a load between the points on either side of its place, by the lever rule; this keeps force
 // and moment. The two shares are stiffer than a load at the place between the points. `moment`
 // subtracts the excess.
-void Share(const PointSet& points, const PointSet::Place& place, const Vector3d& gradient,
-           const Matrix3d& hessian, TangentLoad& moment, PointDerivatives& out) {
-  const auto add = [&](int q, double part) {
+void DistributeLoad(const PointSet& points, const PointSet::Place& place, const Vector3d& gradient,
+                    const Matrix3d& hessian, TangentLoad& moment, PointDerivatives& out) {
+  const auto add = [&](int q, double fraction) {
     const auto p = static_cast<std::size_t>(q);
     out.Touch(q);
-    out.gradient[p] += part * gradient;
-    if (out.with_hessian) out.hessian[p] += part * hessian;
+    out.gradient[p] += fraction * gradient;
+    if (out.with_hessian) out.hessian[p] += fraction * hessian;
   };
   const double piece_mm = points.PieceMm(place.point);
   const double before = place.before_mm / piece_mm;
@@ -198,10 +200,10 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
     if (q < 0 || anchor.limit_N == 0) continue;
     Vector3d s = points.PositionAt(place) - anchor.at;
     s -= s.dot(anchor.normal) * anchor.normal;
-    Roll roll;
-    if (!lies_.empty()) {
-      roll = RollAt(points, spot, q, anchor.normal);
-      s += roll.angle_rad * roll.per_rad_mm;
+    RollingSlip rolling;
+    if (!local_frames_.empty()) {
+      rolling = RollingSlipAt(points, spot, q, anchor.normal);
+      s += rolling.angle_rad * rolling.per_rad_mm;
     }
     const StickSlip law(anchor.limit_N, slip_mm_, s.squaredNorm());
     energy += law.energy_mJ;
@@ -213,21 +215,21 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
           law.softening_N_mm3 * s * s.transpose();
     }
     TangentLoad moment{q / points.per_segment, Vector3d::Zero(), Matrix3d::Zero()};
-    Share(points, place, gradient, hessian, moment, out);
-    if (!lies_.empty()) {
+    DistributeLoad(points, place, gradient, hessian, moment, out);
+    if (!local_frames_.empty()) {
       SpinLoad spin{.point = q,
-                    .gradient = gradient.dot(roll.per_rad_mm),
+                    .gradient = gradient.dot(rolling.per_rad_mm),
                     .hessian = 0,
                     .with_position = Vector3d::Zero(),
                     .before_mm = place.before_mm,
                     .instrument = InstrumentOf(spot)};
       if (out.with_hessian) {
-        spin.with_position = hessian * roll.per_rad_mm;
-        spin.hessian = roll.per_rad_mm.dot(spin.with_position);
+        spin.with_position = hessian * rolling.per_rad_mm;
+        spin.hessian = rolling.per_rad_mm.dot(spin.with_position);
       }
       out.on_spins.push_back(spin);
-      moment.gradient += spin.gradient * roll.area -
-                         (points.radius_mm[static_cast<std::size_t>(q)] * roll.angle_rad) *
+      moment.gradient += spin.gradient * rolling.area -
+                         (points.radius_mm[static_cast<std::size_t>(q)] * rolling.angle_rad) *
                              anchor.normal.cross(gradient);
     } else if (moment.gradient.isZero(0) && (place.before_mm == 0 || !out.with_hessian)) {
       continue;
@@ -258,14 +260,14 @@ void Friction::MoveSurfaces(const PointSet& points,
 void Friction::End(const PointSet& points) {
   Spots& on = SpotsOn(points);
   for (const std::size_t spot : on.acting) {
-    if (lies_.empty()) break;
+    if (local_frames_.empty()) break;
     // Converts the turn into a displacement; the turn then restarts at zero.
     const PointSet::Place place = PlaceOf(points, spot);
     Anchor& anchor = anchors_[spot];
     if (place.point < 0 || anchor.limit_N == 0) continue;
-    const Roll roll = RollAt(points, spot, place.point, anchor.normal);
-    Place(anchor.at - roll.angle_rad * roll.per_rad_mm, anchor);
-    lies_[spot] = LieOf(points, spot, place.point);
+    const RollingSlip rolling = RollingSlipAt(points, spot, place.point, anchor.normal);
+    Place(anchor.at - rolling.angle_rad * rolling.per_rad_mm, anchor);
+    local_frames_[spot] = LocalFrameOf(points, spot, place.point);
   }
   FindPresses(points);
   // A spot without contact forgets its anchor: it lifted off, slid into another instrument, or left
@@ -314,22 +316,22 @@ std::uint64_t Friction::Hash(std::uint64_t seed) const {
 
 namespace {
 
-struct FrictionPartSpec : RegionSpec {
+struct FrictionRegionSpec : RegionSpec {
   double factor = 1;
 };
 
 struct FrictionSpec : TableSpec {
   double coefficient = 0;
   double slip_mm = 0.005;
-  std::vector<FrictionPartSpec> regions;
+  std::vector<FrictionRegionSpec> regions;
 };
 
-const Keys<FrictionPartSpec>& FrictionPartKeys() {
-  static const Keys<FrictionPartSpec> keys =
-      Keys<FrictionPartSpec>()
+const Keys<FrictionRegionSpec>& FrictionRegionKeys() {
+  static const Keys<FrictionRegionSpec> keys =
+      Keys<FrictionRegionSpec>()
           .Include(RegionKeys())
           .Required()
-          .Number("factor", &FrictionPartSpec::factor, 0, 20, "",
+          .Number("factor", &FrictionRegionSpec::factor, 0, 20, "",
                   "factor on the coefficient of friction in the region");
   return keys;
 }
@@ -344,18 +346,18 @@ const Keys<FrictionSpec>& FrictionKeys() {
           .Number("slip_mm", &FrictionSpec::slip_mm, 1e-5, 0.1, "mm",
                   "displacement at which a sticking contact begins to slip")
           .Tables(
-              "region", &FrictionSpec::regions, FrictionPartKeys(), 0,
+              "region", &FrictionSpec::regions, FrictionRegionKeys(), 0,
               "regions of the wall with other friction; a later region overrides an earlier one")
           .Example("coefficient = 0.08\n");
   return keys;
 }
 
 std::unique_ptr<Effect> MakeFriction(const FrictionSpec& spec, const EffectContext& context) {
-  std::vector<Friction::Part> parts;
-  for (const FrictionPartSpec& part : spec.regions) {
-    parts.push_back({MakeRegion(part, context), part.factor});
+  std::vector<Friction::RegionFactor> regions;
+  for (const FrictionRegionSpec& wall : spec.regions) {
+    regions.push_back({MakeRegion(wall, context), wall.factor});
   }
-  return std::make_unique<Friction>(spec.coefficient, spec.slip_mm, context, std::move(parts));
+  return std::make_unique<Friction>(spec.coefficient, spec.slip_mm, context, std::move(regions));
 }
 
 }  // namespace

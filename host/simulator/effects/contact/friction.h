@@ -29,14 +29,14 @@ namespace torquer::effects {
 class Friction final : public Effect, public EnergyTerm {
  public:
   /// Part of the vessel whose wall multiplies the coefficient.
-  struct Part {
+  struct RegionFactor {
     vessel::Region region;
     double factor = 1;  ///< >= 0
   };
   /// `coefficient`: mu in [0, 2] of instruments without their own; `slip_mm`: d in [1e-5, 0.1].
   /// Later parts override earlier ones.
   Friction(double coefficient, double slip_mm, const EffectContext& context,
-           std::vector<Part> parts = {});
+           std::vector<RegionFactor> regions = {});
 
   EnergyTerm* energy_term() override { return this; }
   void CopyFrom(const Effect& twin) override;
@@ -83,13 +83,13 @@ class Friction final : public Effect, public EnergyTerm {
   };
 
   // Position of a spot's segment at the part's start, for an instrument that twists.
-  struct Lie {
+  struct LocalFrame {
     Eigen::Vector3d tangent;
     Eigen::Vector3d normal;
   };
   // Displacement of the surface since the part's start, due to the instrument's turn about its
   // axis.
-  struct Roll {
+  struct RollingSlip {
     double angle_rad = 0;
     Eigen::Vector3d per_rad_mm = Eigen::Vector3d::Zero();  // displacement of the surface
     // Derivative of the angle with respect to the tangent.
@@ -103,21 +103,21 @@ class Friction final : public Effect, public EnergyTerm {
   }
   PointSet::Place PlaceOf(const PointSet& points, std::size_t spot) const;
   void FindPresses(const PointSet& points);
-  Lie LieOf(const PointSet& points, std::size_t spot, int point) const;
-  Roll RollAt(const PointSet& points, std::size_t spot, int point,
-              const Eigen::Vector3d& normal) const;
+  LocalFrame LocalFrameOf(const PointSet& points, std::size_t spot, int point) const;
+  RollingSlip RollingSlipAt(const PointSet& points, std::size_t spot, int point,
+                            const Eigen::Vector3d& normal) const;
   double CoefficientAt(const PointSet& points, int q) const;
   void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
 
   const double slip_mm_;
   std::vector<Surface> surfaces_;  ///< of each instrument
-  const std::vector<Part> parts_;
+  const std::vector<RegionFactor> regions_;
   const vessel::MovingField* const moving_;  ///< null for a vessel at rest
   std::size_t stride_;                       ///< number of spots of an instrument
   std::vector<Anchor> anchors_;
-  std::vector<Lie> lies_;         ///< by spot; empty if nothing twists
-  std::vector<Press> presses_;    ///< by spot; set by FindPresses
-  std::vector<Spots> on_curves_;  ///< by curve
+  std::vector<LocalFrame> local_frames_;  ///< by spot; empty if nothing twists
+  std::vector<Press> presses_;            ///< by spot; set by FindPresses
+  std::vector<Spots> on_curves_;          ///< by curve
 };
 
 EffectKind FrictionKind();

@@ -12,7 +12,7 @@ namespace {
 
 // Turn of an instrument in another one, at a segment.
 double TurnIn(const PointSet& points, int segment, int inner, int outer) {
-  const OfInstruments& turns = points.turns.angles_rad[static_cast<std::size_t>(segment)];
+  const PerInstrument& turns = points.turns.angles_rad[static_cast<std::size_t>(segment)];
   return turns[static_cast<std::size_t>(inner)] - turns[static_cast<std::size_t>(outer)];
 }
 

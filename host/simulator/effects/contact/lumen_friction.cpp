@@ -41,13 +41,13 @@ bool LumenFriction::Holds(const Held& held, const LumenContact& contact) {
   return held.limit_N > 0 && contact.inner == held.from.inner && contact.outer == held.from.outer;
 }
 
-Vector2d LumenFriction::WayMm(const Held& held, const LumenContact& contact) {
-  Vector2d way_mm = held.way_mm;
-  way_mm[0] += contact.ahead_mm - held.from.ahead_mm;
-  if (Changed(held, contact)) return way_mm;
-  way_mm[1] += held.around.dot(contact.offset_mm - held.from.offset_mm) +
-               contact.lever_mm * Within(contact.turn_rad - held.from.turn_rad);
-  return way_mm;
+Vector2d LumenFriction::SlidMm(const Held& held, const LumenContact& contact) {
+  Vector2d slid_mm = held.slid_mm;
+  slid_mm[0] += contact.ahead_mm - held.from.ahead_mm;
+  if (Changed(held, contact)) return slid_mm;
+  slid_mm[1] += held.around.dot(contact.offset_mm - held.from.offset_mm) +
+                contact.lever_mm * Within(contact.turn_rad - held.from.turn_rad);
+  return slid_mm;
 }
 
 void LumenFriction::BeginSide(const Side& side, double coefficient) {
@@ -76,12 +76,12 @@ void LumenFriction::Begin(const PointSet& points) {
 // Load of a place without its number. Returns the energy, mJ.
 double LumenFriction::AddPlace(const Held& held, const LumenContact& contact,
                                SlideLoad& load) const {
-  const Vector2d way_mm = WayMm(held, contact);
-  const StickSlip law(held.limit_N, slip_mm_, way_mm.squaredNorm());
+  const Vector2d slid_mm = SlidMm(held, contact);
+  const StickSlip law(held.limit_N, slip_mm_, slid_mm.squaredNorm());
   load.around = held.around;
-  load.gradient = law.secant_N_mm * way_mm;
+  load.gradient = law.secant_N_mm * slid_mm;
   load.hessian = law.secant_N_mm * Eigen::Matrix2d::Identity() -
-                 law.softening_N_mm3 * way_mm * way_mm.transpose();
+                 law.softening_N_mm3 * slid_mm * slid_mm.transpose();
   if (Changed(held, contact)) {
     load.gradient[1] = 0;
     load.hessian.row(1).setZero();
@@ -117,7 +117,7 @@ void LumenFriction::MoveSurfaces(const PointSet& points,
       if (held.limit_N == 0) continue;
       const SurfaceMove& inner = moves[static_cast<std::size_t>(held.from.inner)];
       const SurfaceMove& outer = moves[static_cast<std::size_t>(held.from.outer)];
-      held.way_mm[1] += held.from.lever_mm * inner.turn_rad - held.from.lumen_mm * outer.turn_rad;
+      held.slid_mm[1] += held.from.lever_mm * inner.turn_rad - held.from.lumen_mm * outer.turn_rad;
     }
   }
 }
@@ -127,9 +127,9 @@ void LumenFriction::End(const PointSet& points) {
     for (std::size_t place = 0; place < side.contacts.size(); ++place) {
       const LumenContact& contact = side.contacts[place];
       Held& held = side.HeldAt(place);
-      held.way_mm = Holds(held, contact) ? WayMm(held, contact) : Vector2d(Vector2d::Zero());
-      const double distance = held.way_mm.norm();
-      if (distance > slip_mm_) held.way_mm *= slip_mm_ / distance;
+      held.slid_mm = Holds(held, contact) ? SlidMm(held, contact) : Vector2d(Vector2d::Zero());
+      const double distance = held.slid_mm.norm();
+      if (distance > slip_mm_) held.slid_mm *= slip_mm_ / distance;
       held.from = contact;
     }
   }
@@ -146,7 +146,7 @@ std::uint64_t LumenFriction::Hash(std::uint64_t seed) const {
     for (const std::vector<Held>& all : sides) {
       for (const Held& held : all) {
         if (held.limit_N == 0) continue;
-        for (const double value : {held.limit_N, held.way_mm[0], held.way_mm[1]}) {
+        for (const double value : {held.limit_N, held.slid_mm[0], held.slid_mm[1]}) {
           seed = HashDouble(value, seed);
         }
       }

@@ -31,14 +31,14 @@ class LumenFriction {
  private:
   // Memory of a place. It moves with the inner curve.
   struct Held {
-    Eigen::Vector2d way_mm = Eigen::Vector2d::Zero();  // since the anchor: along, around
-    double limit_N = 0;                                // mu N at the part's start; 0: no friction
-    LumenContact from;                                 // the contact at the part's start
-    Eigen::Vector2d around = Eigen::Vector2d::Zero();  // unit, in the normals of the lumen
+    Eigen::Vector2d slid_mm = Eigen::Vector2d::Zero();  // since the anchor: along, around
+    double limit_N = 0;                                 // mu N at the part's start; 0: no friction
+    LumenContact from;                                  // the contact at the part's start
+    Eigen::Vector2d around = Eigen::Vector2d::Zero();   // unit, in the normals of the lumen
   };
 
   // Sliding of a place since its anchor, mm.
-  static Eigen::Vector2d WayMm(const Held& held, const LumenContact& contact);
+  static Eigen::Vector2d SlidMm(const Held& held, const LumenContact& contact);
   static bool Holds(const Held& held, const LumenContact& contact);
   // True if the place faced another segment of the lumen at the part's start. The directions around
   // the lumen then have no common zero, so it does not slide around until the part ends.

@@ -109,7 +109,7 @@ void FrameTaker::TakeInstruments(const WireState& state, XrayFrame& frame) {
     const Instrument& instrument = instruments_[k];
     // Goes along one polyline, by the distance of each node from the instrument's tip.
     const int number = static_cast<int>(k);
-    TakePart(wire_, state.CurveOf(number), state.places()[number].insertion_mm, nodes_);
+    TakeNodes(wire_, state.CurveOf(number), state.poses()[number].insertion_mm, nodes_);
     std::vector<WirePoint>& body = next();
     body.resize(nodes_.size());
     double from_tip_mm = 0;
@@ -142,7 +142,7 @@ void FrameTaker::TakeDye(XrayFrame& frame) {
     const DyePoints::CellPlace& place = dye_.cells[i];
     const auto a = static_cast<float>(concentration[place.cell]);
     const auto b = static_cast<float>(concentration[place.cell + 1]);
-    frame.dye_1_mm[i] = scale * (a + place.part * (b - a));
+    frame.dye_1_mm[i] = scale * (a + place.weight * (b - a));
   }
   if (motions_.empty()) return;
   // The displaced position of a lumen point solves a fixed-point equation, since its offset is a

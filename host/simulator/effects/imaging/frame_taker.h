@@ -23,7 +23,7 @@ struct DyePoints {
   /// Position of a point among the cells of the contrast agent.
   struct CellPlace {
     std::size_t cell = 0;  ///< index; the next cell is used too
-    float part = 0;        ///< weight of the next cell
+    float weight = 0;      ///< weight of the next cell
   };
   std::vector<LumenPoint> points;
   std::vector<CellPlace> cells;  ///< one for each point

@@ -1,7 +1,8 @@
 #include "host/simulator/effects/imaging/lateral_plane.h"
 
-#include <numbers>
 #include <utility>
+
+#include "host/support/angles.h"
 
 namespace torquer::effects {
 
@@ -27,7 +28,7 @@ TickView With(const TickView& tick, const Controls& controls) {
           .controls = controls,
           .target = tick.target,
           .state = tick.state,
-          .expansion = tick.expansion,
+          .quadratic = tick.quadratic,
           .report = tick.report};
 }
 
@@ -72,7 +73,6 @@ const Keys<LateralPlaneSpec>& LateralPlaneKeys() {
 
 std::unique_ptr<Effect> MakeLateralPlane(const LateralPlaneSpec& spec,
                                          const EffectContext& context) {
-  constexpr double kRadPerDeg = std::numbers::pi / 180;
   const auto* first = FindEarlier<Fluoroscopy>(context);
   FluoroscopySettings settings = first->settings();
   ++settings.seed;  // its own noise

@@ -82,7 +82,7 @@ void LumenPainter::Collect(std::size_t pixel, const Stretch& stretch, float apar
   own = {near_mm, far_mm,
          (own.length_mm * own.attenuation_1_mm + stretch.length_mm * stretch.attenuation_1_mm) /
              sum_mm,
-         std::min(1.0F, own.part + stretch.part), std::min(sum_mm, far_mm - near_mm)};
+         std::min(1.0F, own.fraction + stretch.fraction), std::min(sum_mm, far_mm - near_mm)};
 }
 
 void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
@@ -157,7 +157,7 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
       if (met == 0) continue;
       all.attenuation_1_mm /= all.length_mm;
       all.length_mm /= static_cast<float>(rays);
-      all.part = static_cast<float>(met) / static_cast<float>(rays);
+      all.fraction = static_cast<float>(met) / static_cast<float>(rays);
       Collect(static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
                   static_cast<std::size_t>(column),
               all, static_cast<float>(2 * radius));
@@ -196,10 +196,10 @@ bool LumenPainter::Meet(const Cone& cone, const Projection& projection, double c
   if (!(low < high)) return false;
   const double t = (low + high) / 2;
   if (a <= kAlongTheAxis && t * (a * t + 2 * b) + c > 0) return false;
-  const double part = std::clamp((w_axis + t * d_axis) / cone.length, 0.0, 1.0);
+  const double fraction = std::clamp((w_axis + t * d_axis) / cone.length, 0.0, 1.0);
   const float attenuation =
       cone.begin_attenuation +
-      static_cast<float>(part) * (cone.end_attenuation - cone.begin_attenuation);
+      static_cast<float>(fraction) * (cone.end_attenuation - cone.begin_attenuation);
   stretch = {static_cast<float>(middle_mm + low), static_cast<float>(middle_mm + high), attenuation,
              1, static_cast<float>(high - low)};
   return stretch.far_mm > stretch.near_mm;
@@ -222,14 +222,14 @@ void LumenPainter::Insert(std::size_t pixel, Stretch stretch) {
     }
     const float near_mm = std::min(stretch.near_mm, other.near_mm);
     const float far_mm = std::max(stretch.far_mm, other.far_mm);
-    const float both = stretch.part * other.part;
+    const float both = stretch.fraction * other.fraction;
     const float own = stretch.length_mm;
     const float its = other.length_mm;
-    stretch.length_mm =
-        own * (1 - both / stretch.part) + its * (1 - both / other.part) + both * (far_mm - near_mm);
+    stretch.length_mm = own * (1 - both / stretch.fraction) + its * (1 - both / other.fraction) +
+                        both * (far_mm - near_mm);
     stretch.attenuation_1_mm = (own * stretch.attenuation_1_mm + its * other.attenuation_1_mm) /
                                std::max(own + its, 1e-9F);
-    stretch.part += other.part - both;
+    stretch.fraction += other.fraction - both;
     stretch.near_mm = near_mm;
     stretch.far_mm = far_mm;
     known[k] = known[--count];

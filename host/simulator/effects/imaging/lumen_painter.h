@@ -34,7 +34,7 @@ class LumenPainter {
   // Depth range in which the rays of a pixel run in dye: the fraction of rays that do, and the mean
   // length over all rays.
   struct Stretch {
-    float near_mm, far_mm, attenuation_1_mm, part, length_mm;
+    float near_mm, far_mm, attenuation_1_mm, fraction, length_mm;
   };
   static constexpr int kStretches = 4;
   struct Pixel {

@@ -16,7 +16,7 @@ void ClearanceObserver::CopyFrom(const Effect& twin) {
 
 void ClearanceObserver::Observe(const TickView& tick) {
   pressed_N_ = end_pressed_N_ = offset_mm_ = 0;
-  for (const BetweenCurves& between : tick.expansion.between) {
+  for (const BetweenCurves& between : tick.quadratic.between) {
     if (between.beside) continue;
     pressed_N_ += between.pressed_N;
     end_pressed_N_ += between.end_pressed_N;

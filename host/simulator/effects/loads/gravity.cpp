@@ -8,10 +8,10 @@ double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
   for (int k = points.first_instrument; k < points.last_instrument; ++k) {
     const Eigen::Vector3d& weight_N_mm = weights_N_mm_[static_cast<std::size_t>(k)];
     for (int q = 0; q < points.size(); ++q) {
-      const double part = several ? points.PartOf(k, q) : 1;
-      if (part == 0) break;
+      const double coverage = several ? points.CoverageOf(k, q) : 1;
+      if (coverage == 0) break;
       const auto p = static_cast<std::size_t>(q);
-      const double length_mm = part * points.weight_mm[p];
+      const double length_mm = coverage * points.weight_mm[p];
       out.TouchGradient(q);
       out.gradient[p] -= length_mm * weight_N_mm;
       energy -= length_mm * weight_N_mm.dot(points.position[p]);

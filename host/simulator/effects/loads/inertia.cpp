@@ -46,8 +46,8 @@ double Inertia::DensityAt(const PointSet& points, int q) const {
   double density_g_m = 0;
   const bool several = points.last_instrument - points.first_instrument > 1;
   for (int k = points.first_instrument; k < points.last_instrument; ++k) {
-    const double part = several ? points.PartOf(k, q) : 1;
-    density_g_m += part * settings_.linear_density_g_m[static_cast<std::size_t>(k)];
+    const double coverage = several ? points.CoverageOf(k, q) : 1;
+    density_g_m += coverage * settings_.linear_density_g_m[static_cast<std::size_t>(k)];
   }
   const auto p = static_cast<std::size_t>(q);
   double squared_mm2 = points.radius_mm[p] * points.radius_mm[p];
@@ -72,9 +72,9 @@ Inertia::Material Inertia::Before(const PointSet& points, int q) const {
   // A place on the former first segment: interpolated from its end to the sheath.
   const Material& end = curve.material[static_cast<std::size_t>(curve.known - 1)];
   const double length_mm = curve.inserted_mm - (curve.known - 1) * points.spacing_mm;
-  const double part = std::clamp(-in_sheath_mm / length_mm, 0.0, 1.0);
-  return {in_sheath.at + part * (end.at - in_sheath.at),
-          in_sheath.velocity_mm_s + part * (end.velocity_mm_s - in_sheath.velocity_mm_s)};
+  const double fraction = std::clamp(-in_sheath_mm / length_mm, 0.0, 1.0);
+  return {in_sheath.at + fraction * (end.at - in_sheath.at),
+          in_sheath.velocity_mm_s + fraction * (end.velocity_mm_s - in_sheath.velocity_mm_s)};
 }
 
 void Inertia::CopyFrom(const Effect& twin) {

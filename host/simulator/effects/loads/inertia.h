@@ -39,9 +39,9 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   /// stored energy.
   bool Dissipates() const override { return true; }
 
-  void Lapse(double step_s) override { left_s_ += step_s; }
+  void AdvanceTime(double step_s) override { left_s_ += step_s; }
   void Begin(const PointSet& points) override;
-  void TakeShare(double share) override { part_s_ = share * left_s_; }
+  void SetMotionFraction(double fraction) override { part_s_ = fraction * left_s_; }
   double Add(const PointSet& points, PointDerivatives& out) const override;
   void End(const PointSet& points) override;
   void Reset() override;

@@ -4,9 +4,9 @@
 
 namespace torquer::effects {
 
-double Breathing::Pulse(double part) const {
-  if (part < inhale_ + hold_) return vessel::SmoothStep(part / inhale_).value;
-  return 1 - vessel::SmoothStep((part - inhale_ - hold_) / exhale_).value;
+double Breathing::Pulse(double fraction) const {
+  if (fraction < inhale_ + hold_) return vessel::SmoothStep(fraction / inhale_).value;
+  return 1 - vessel::SmoothStep((fraction - inhale_ - hold_) / exhale_).value;
 }
 
 namespace {

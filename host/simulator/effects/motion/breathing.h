@@ -13,7 +13,7 @@ class Breathing final : public PeriodicMotion {
       : PeriodicMotion(std::move(settings)), inhale_(inhale), hold_(hold), exhale_(exhale) {}
 
  protected:
-  double Pulse(double part) const override;
+  double Pulse(double fraction) const override;
 
  private:
   const double inhale_;

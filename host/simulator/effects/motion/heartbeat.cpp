@@ -11,9 +11,9 @@ constexpr double kBack = 1.3;
 
 }  // namespace
 
-double Heartbeat::Pulse(double part) const {
-  if (part < systole_) return vessel::SmoothStep(part / systole_).value;
-  return 1 - vessel::SmoothStep((part - systole_) / (kBack * systole_)).value;
+double Heartbeat::Pulse(double fraction) const {
+  if (fraction < systole_) return vessel::SmoothStep(fraction / systole_).value;
+  return 1 - vessel::SmoothStep((fraction - systole_) / (kBack * systole_)).value;
 }
 
 namespace {

@@ -13,7 +13,7 @@ class Heartbeat final : public PeriodicMotion {
       : PeriodicMotion(std::move(settings)), systole_(systole) {}
 
  protected:
-  double Pulse(double part) const override;
+  double Pulse(double fraction) const override;
 
  private:
   const double systole_;

@@ -35,13 +35,13 @@ class PeriodicMotion : public Effect, public vessel::FieldMotion {
 
   const Settings& settings() const { return settings_; }
   /// Pulse, 0 to 1, at a fraction of the period, [0, 1).
-  double PulseAt(double part) const { return Pulse(part); }
+  double PulseAt(double fraction) const { return Pulse(fraction); }
   /// Fraction of the displacement that acts at a point of the moved vessel, 0 to 1.
   double WeightAt(const Eigen::Vector3d& point_mm) const;
 
  protected:
   /// Pulse, 0 .. 1, with two continuous derivatives, at a fraction of the period, [0, 1).
-  virtual double Pulse(double part) const = 0;
+  virtual double Pulse(double fraction) const = 0;
 
  private:
   bool Weigh(const Eigen::Vector3d& point_mm, vessel::RegionWeight& all) const;

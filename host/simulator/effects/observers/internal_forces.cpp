@@ -27,9 +27,9 @@ void InternalForceObserver::Restart() {
 }
 
 void InternalForceObserver::Observe(const TickView& tick) {
-  FindInternalForces(stack_.rod(tick.state.FarthestCurve()), tick.state, tick.expansion, terms_,
+  FindInternalForces(stack_.rod(tick.state.FarthestCurve()), tick.state, tick.quadratic, terms_,
                      forces_);
-  hands_.Find(stack_, tick.state, tick.expansion, forces_,
+  hands_.Find(stack_, tick.state, tick.quadratic, forces_,
               sliding_ == nullptr ? Sliding() : *sliding_);
 }
 

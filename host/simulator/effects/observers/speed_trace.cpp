@@ -18,8 +18,8 @@ void SpeedTrace::Add(double time_s, double position_mm) {
   } else {
     while (time_s >= next_sample_s_) {
       const double span = time_s - last_time_s_;
-      const double part = span > 0 ? (next_sample_s_ - last_time_s_) / span : 1;
-      AddSample(last_mm_ + part * (position_mm - last_mm_));
+      const double fraction = span > 0 ? (next_sample_s_ - last_time_s_) / span : 1;
+      AddSample(last_mm_ + fraction * (position_mm - last_mm_));
       next_sample_s_ += kStepS;
     }
   }

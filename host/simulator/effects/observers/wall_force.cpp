@@ -83,7 +83,7 @@ void WallForce::FindForces(const TickView& tick) {
   sum_mN_ = axial_mN_ = 0;
   // From the outermost curve inwards: an inner one touches the wall only beyond its mouth.
   for (int c = tick.state.curves() - 1; c >= 0; --c) {
-    const PointSet& of_curve = tick.expansion.curve(c).points;
+    const PointSet& of_curve = tick.quadratic.curve(c).points;
     for (const int q : of_curve.near) {
       if (!of_curve.touches[static_cast<std::size_t>(q)]) continue;
       AddContact(of_curve, q, of_curve.beside_farthest ? beside_contacts_ : contacts_);
@@ -95,7 +95,7 @@ void WallForce::FindForces(const TickView& tick) {
   pressure_kPa_ = beside.amount > patch.amount ? PressureOn(beside_contacts_, beside)
                                                : PressureOn(contacts_, patch);
   tip_mN_ = contacts_.force_mN.Between(0, settings_.tip_mm);
-  const PointSet& points = tick.expansion.curve(tick.state.FarthestCurve()).points;
+  const PointSet& points = tick.quadratic.curve(tick.state.FarthestCurve()).points;
   const double radius_mm = points.size() == 0 ? 1 : points.radius_mm.back();
   tip_pressure_kPa_ = axial_mN_ / (std::numbers::pi * radius_mm * radius_mm);
 }
