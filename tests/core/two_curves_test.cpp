@@ -73,19 +73,9 @@ bool FarFromKinks(const TwoCurves& curves) {
   return far;
 }
 
-TEST_CASE("The sweep of several curves solves the dense Newton system") {
-  const auto k = GENERATE(range(std::size_t{0}, Rooms().size()));
-  const Room& one = Rooms()[k];
-  const double ratio = GENERATE(0.0, 0.7);
-  // Dense Hessians by finite differences take minutes under sanitizers.
-  if (kUnderSanitizer && (k > 0 || ratio == 0)) return;
-  // Every second layout with instruments beside each other twists.
-  if (Rooms()[k].beside != TwoCurves::Marks() && (ratio > 0) != (k % 2 == 0)) return;
-  const double weight = ratio > 0 || k > 2 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
-  unsigned seed = 11;
-  while (!FarFromKinks(TwoCurves(one.poses, 2, seed, ratio, one.rooms, one.beside))) ++seed;
-  TwoCurves curves(one.poses, 2, seed, ratio, one.rooms, one.beside);
-  CAPTURE(k, weight, ratio, seed);
+// Compares a step of the sweep with that of the dense Newton system.
+void CheckStep(TwoCurves& curves, double weight) {
+  CAPTURE(weight);
   REQUIRE(curves.PressedN() > 0);
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
                                       Eigen::VectorXd::Zero(curves.unknowns()), 2e-4);
@@ -111,6 +101,52 @@ TEST_CASE("The sweep of several curves solves the dense Newton system") {
   REQUIRE(sweep.Refactor(curves.state, curves.at, lift + weight, middle));
   sweep.Step(curves.state, curves.at, steps);
   CHECK(curves.All(steps) == swept);
+}
+
+TEST_CASE("The sweep of several curves solves the dense Newton system") {
+  const auto k = GENERATE(range(std::size_t{0}, Rooms().size()));
+  const Room& one = Rooms()[k];
+  const double ratio = GENERATE(0.0, 0.7);
+  // Dense Hessians by finite differences take minutes under sanitizers.
+  if (kUnderSanitizer && (k > 0 || ratio == 0)) return;
+  // Every second layout with instruments beside each other twists.
+  if (Rooms()[k].beside != TwoCurves::Marks() && (ratio > 0) != (k % 2 == 0)) return;
+  const double weight = ratio > 0 || k > 2 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
+  unsigned seed = 11;
+  while (!FarFromKinks(TwoCurves(one.poses, 2, seed, ratio, one.rooms, one.beside))) ++seed;
+  TwoCurves curves(one.poses, 2, seed, ratio, one.rooms, one.beside);
+  CAPTURE(k, ratio, seed);
+  CheckStep(curves, weight);
+}
+
+// An inner wire runs back behind the sheath, and a wire that is pressed far into the wall
+// of its lumen.
+struct Pressed : TwoCurves {
+  Pressed(double ratio, double first_turn_rad, double stretch)
+      : TwoCurves(kWireLeads, 2, 11, ratio) {
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(unknowns());
+    x[0] = first_turn_rad;
+    for (int i = 1; i < 6; ++i) x[First(0) + (2 + stack.rod(0).spins()) * i] = stretch;
+    state = Stepped(x);
+    mechanics.PairCurves(state);
+    mechanics.BuildModel(state, at);
+  }
+};
+
+TEST_CASE(
+    "A wire folded back at the sheath, or deep in the wall, has its gradient and Newton step") {
+  const double ratio = GENERATE(0.0, 0.7);
+  const bool folded = GENERATE(true, false);
+  Pressed curves(ratio, folded ? 2.4 : 0.0, folded ? 0.0 : 0.12);
+  const BetweenCurves& between = curves.at.between.front();
+  CAPTURE(ratio, folded, between.largest_offset_mm);
+  // Deeper than the lumen's radius, where the wall's force goes on with its last slope.
+  CHECK((folded || between.largest_offset_mm > 2 * 0.28));
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
+                 Eigen::VectorXd::Zero(curves.unknowns()), 3e-5);
+  CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
+  CheckStep(curves, 10);
 }
 
 // A bent wire in a bent catheter, in free space. `ratio` is GJ over EI; 0 means that neither

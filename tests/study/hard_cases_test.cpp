@@ -182,11 +182,22 @@ TEST_CASE("torture runs what a seed decides, the same again") {
   CHECK(rows() == first);
 }
 
+TEST_CASE("torture draws hands in the scene that --scene names") {
+  const TemporaryFolder folder;
+  ChildProcess program({torquer::test::kStudyProgram, "torture", "--seconds", "0", "--seed", "5",
+                        "--scene", "triaxial", "--json", "--out", folder.Path("out")});
+  CHECK(program.Wait() == 0);
+  const std::string output = program.Output();
+  CHECK(output.find("triaxial with random hands") != std::string::npos);
+  CHECK(output.find("\"cases\",\"value\":1") != std::string::npos);
+}
+
 TEST_CASE("torture refuses what it cannot do") {
   const auto words = GENERATE(std::vector<std::string>{"--seconds", "soon"},
                               std::vector<std::string>{"--seconds", "-1"},
                               std::vector<std::string>{"--seed", "1.5"},
-                              std::vector<std::string>{"--soak", "--seconds", "5"});
+                              std::vector<std::string>{"--soak", "--seconds", "5"},
+                              std::vector<std::string>{"--soak", "--scene", "everything"});
   std::vector<std::string> command = {torquer::test::kStudyProgram, "torture"};
   command.insert(command.end(), words.begin(), words.end());
   ChildProcess program(command);

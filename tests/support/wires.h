@@ -129,9 +129,11 @@ class EndForce final : public EnergyTerm {
  public:
   explicit EndForce(const Vector3d& force_N) : force_N_(force_N) {}
   void SetForce(const Vector3d& force_N) { force_N_ = force_N; }
+  /// Acts on the end of this curve, not of the farthest one.
+  void ActOn(int curve) { curve_ = curve; }
   void Begin(const PointSet&) override {}
   double Add(const PointSet& points, PointDerivatives& out) const override {
-    if (!points.is_farthest) return 0;
+    if (curve_ < 0 ? !points.is_farthest : points.curve != curve_) return 0;
     const int q = points.size() - 1;
     if (q < 0) return 0;
     out.Touch(q);
@@ -144,6 +146,7 @@ class EndForce final : public EnergyTerm {
 
  private:
   Vector3d force_N_;
+  int curve_ = -1;
 };
 
 /// One point of a wire of radius 0.2 mm that stands for 1 mm. It is `penetration_mm` deep in a wall

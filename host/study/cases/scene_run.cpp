@@ -58,8 +58,8 @@ double BulgeAt(const WireModel& rod, const Curve& curve, std::size_t segment) {
 }
 
 // True if the curve has a bend whose radius is less than the diameter of its lumen. Nearest points
-// jump at such a kink, and the contact there is undefined.
-bool IsKinked(const WireModel& rod, const Curve& curve, double lumen_mm) {
+// jump there, and the contact is undefined.
+bool BendsSharply(const WireModel& rod, const Curve& curve, double lumen_mm) {
   for (std::size_t i = 0; i < curve.tangents().size(); ++i) {
     const Vector3d& before = i == 0 ? rod.sheath().direction : curve.tangents()[i - 1];
     const double bend_mm = JointLength(rod, curve, static_cast<int>(i));
@@ -195,7 +195,7 @@ class SceneRun {
   void CheckContacts() {
     const WireState& state = session_.state();
     double least_mJ = 0;
-    escaped_ = false;
+    bends_sharply_ = false;
     for (int c = 0; c < state.curves(); ++c) {
       for (int outer = c + 1; outer < state.curves(); ++outer) {
         const bool beside = scene_.stack().AreBeside(c, outer);
@@ -205,8 +205,8 @@ class SceneRun {
         }
       }
     }
-    outcome_.escaped += escaped_;
-    if (escaped_) return;
+    outcome_.sharp_bends += bends_sharply_;
+    if (bends_sharply_) return;
     double found_mJ = 0;
     for (const BetweenCurves& between : session_.relaxation().Current().between) {
       found_mJ += between.energy_mJ;
@@ -269,8 +269,8 @@ class SceneRun {
   double EnergyInLumen(int c, int o) {
     const Curve& curve = session_.state().curve(c);
     const Curve& outer = session_.state().curve(o);
-    if (IsKinked(scene_.stack().rod(o), outer, LumenRadius(o, outer.insertion_mm()))) {
-      escaped_ = true;
+    if (BendsSharply(scene_.stack().rod(o), outer, LumenRadius(o, outer.insertion_mm()))) {
+      bends_sharply_ = true;
       return 0;
     }
     double energy_mJ = 0;
@@ -289,8 +289,8 @@ class SceneRun {
       const double lumen_mm = LumenRadius(o, nearest.arc_mm);
       const double overlap_mm = nearest.distance_mm + SurfaceRadius(c, arc_mm) - lumen_mm;
       if (overlap_mm > lumen_mm) {
-        escaped_ = true;
-        return 0;
+        Object("curve ", c, " has broken through the lumen of curve ", o, " by ", overlap_mm,
+               " mm at node ", i);
       }
       outcome_.overlap_mm = std::max(outcome_.overlap_mm, overlap_mm);
       const double bulges_mm = Bulges(c, i - 1, o, nearest.segment);
@@ -380,7 +380,7 @@ class SceneRun {
   std::vector<Command> commands_;  // of the first ticks, to repeat them
   std::vector<int> units_;
   std::vector<std::uint64_t> hashes_;
-  bool escaped_ = false;  // an instrument has left a lumen, in this state
+  bool bends_sharply_ = false;  // a lumen has a bend of less than its diameter, in this state
   SceneOutcome outcome_;
 };
 

@@ -14,9 +14,9 @@ struct SceneOutcome {
   int ticks = 0;
   int converged = 0;
   int snaps = 0;
-  /// Converged ticks in which an instrument has broken through a lumen, or a lumen has a kink that
-  /// is sharper than its own diameter. Their contacts are not checked.
-  int escaped = 0;
+  /// Converged ticks in which the radius of a bend of a lumen is less than its diameter. Their
+  /// contacts are not checked.
+  int sharp_bends = 0;
   double deepest_mm = 0;  ///< deepest penetration of the wall in all ticks
   double overlap_mm = 0;  ///< deepest penetration of a lumen's wall at rest
   double closest = 1;     ///< smallest distance of instruments beside each other at rest, in parts

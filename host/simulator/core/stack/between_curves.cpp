@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/simulator/core/stack/pair_builder.h"
+
 namespace torquer {
 
 using Eigen::Vector3d;
@@ -14,6 +16,8 @@ namespace {
 
 // Distance from the lumen's wall, mm, up to which a place takes part in the model of a step.
 constexpr double kNearLumenMm = 0.05;
+// Distance by which a wire may lie behind the segment that it faces, in radii of the lumen.
+constexpr double kFoldedBack = 4;
 // Offset between the curves, mm, below which it has no usable direction.
 constexpr double kNoOffsetMm = 1e-9;
 
@@ -109,15 +113,26 @@ struct Pressed {
                            foot_frame * of.foot_bulge_mm;
     const Vector3d apart =
         own.curve.nodes()[i + 1] + past_node - other.curve.nodes()[m + 1] - begin;
-    const double way_mm = along.dot(apart);
-    foot_past_node = begin + way_mm * along;
+    foot_past_node = begin + along.dot(apart) * along;
     foot_mm = faced_mm + chord.dot(foot_past_node);
-    across = apart - way_mm * along;
+    // A wire that folds back inside the lumen may not leave it through the sheath.
+    if (!of.is_mouth && sign() > 0) {
+      const double least_mm = -std::min(ArcMm(other.rod, other.curve, faced),
+                                        other.rod.segment_mm() + kFoldedBack * of.lumen_mm);
+      foot_is_fixed = foot_mm < least_mm;
+      if (foot_is_fixed) {
+        foot_past_node += (least_mm - foot_mm) / chord.dot(along) * along;
+        foot_mm = least_mm;
+      }
+    }
+    across = apart + begin - foot_past_node;
     offset_mm = across.norm();
   }
   // Beside the outer curve, contact begins below the sum of both radii.
   double sign() const { return place.lever_mm < 0 ? -1 : 1; }
   double penetration_mm() const { return sign() * (offset_mm - (place.lumen_mm - place.lever_mm)); }
+  // Penetration that no force reaches: the radius of the lumen, or the sum of both radii.
+  double depth_mm() const { return sign() > 0 ? place.lumen_mm : place.lumen_mm - place.lever_mm; }
 
   // Derivative by the steps of the position along `way` of the point against its foot.
   Vector Follow(const Vector3d& way) const {
@@ -134,24 +149,40 @@ struct Pressed {
   Eigen::Index foot_at;   // same, of the curve with the foot
   Frame frame;
   Frame foot_frame;
-  Vector3d past_node;       // from the distal node of the point's segment
-  Vector3d along;           // tangent at the foot
-  Vector3d foot_past_node;  // from the distal node of the faced segment
-  double foot_mm;           // past the proximal node of the faced segment
+  Vector3d past_node;          // from the distal node of the point's segment
+  Vector3d along;              // tangent at the foot
+  bool foot_is_fixed = false;  // on the faced segment, since the place lies too far behind it
+  Vector3d foot_past_node;     // from the distal node of the faced segment
+  double foot_mm;              // past the proximal node of the faced segment
   Vector3d across;
   double offset_mm;
 };
 
-// Second-order terms of (43).
-void Bend(const Pressed& at, double force_N, const Vector3d& normal, Matrix& out) {
+// Terms of (43) by the way that the foot slides and turns.
+Matrix Sideways(const Pressed& at, double force_N, const Vector3d& normal) {
+  if (at.foot_is_fixed) {
+    const Vector onto = at.Follow(normal);
+    Matrix out = -onto * onto.transpose();
+    for (int d = 0; d < 3; ++d) {
+      const Vector way = at.Follow(Vector3d::Unit(d));
+      out += way * way.transpose();
+    }
+    return force_N / at.offset_mm * out;
+  }
   const Vector sideways = at.Follow(at.along.cross(normal));
   const Vector onwards = at.Follow(at.along);
   Vector tilt = Vector::Zero();  // of the tangent at the foot, along the normal
   tilt.segment<2>(at.foot_at + 3) = Turning(at.foot_frame, at.along).transpose() * normal;
-  out = (force_N / at.offset_mm) * sideways * sideways.transpose() -
-        (force_N * at.offset_mm) * tilt * tilt.transpose();
+  Matrix out = (force_N / at.offset_mm) * sideways * sideways.transpose() -
+               (force_N * at.offset_mm) * tilt * tilt.transpose();
   const Matrix turned = force_N * tilt * onwards.transpose();
   out -= turned + turned.transpose();
+  return out;
+}
+
+// Second-order terms of (43).
+void Bend(const Pressed& at, double force_N, const Vector3d& normal, Matrix& out) {
+  out = Sideways(at, force_N, normal);
   // A vector r that turns by phi also moves by (phi (phi.r) - r |phi|^2)/2.
   const auto add = [&](const Frame& frame, const Vector3d& r, double sign, Eigen::Index at_row) {
     const Eigen::Vector2d by_normal(frame.col(1).dot(normal), -frame.col(0).dot(normal));
@@ -244,6 +275,27 @@ void AddContacts(const LumenPairs& pairs, const Geometry& inner, const Geometry&
   }
 }
 
+struct WallForce {
+  double energy_mJ;
+  double force_N;
+  double slope_N_mm;
+};
+
+// (41). Beyond most of the depth, the force goes on with its slope there.
+WallForce WallForceAt(double stiffness_N_mm, double penetration_mm, double depth_mm) {
+  constexpr double kMost = 0.95;
+  const double part = std::min(penetration_mm / depth_mm, kMost);
+  const double left = 1 - part * part;
+  WallForce wall;
+  wall.slope_N_mm = stiffness_N_mm * (1 + part * part) / (left * left);
+  wall.force_N = stiffness_N_mm * depth_mm * part / left;
+  wall.energy_mJ = -stiffness_N_mm * depth_mm * depth_mm / 2 * std::log1p(-part * part);
+  const double beyond_mm = penetration_mm - part * depth_mm;
+  wall.energy_mJ += beyond_mm * (wall.force_N + wall.slope_N_mm * beyond_mm / 2);
+  wall.force_N += wall.slope_N_mm * beyond_mm;
+  return wall;
+}
+
 }  // namespace
 
 void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
@@ -279,8 +331,12 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
     const Vector3d normal = at.across / at.offset_mm;
     spring.approach = at.sign() * at.Follow(normal);
     if (penetration_mm <= 0) continue;
-    const double force_N = spring.stiffness_N_mm * penetration_mm;
-    energy_mJ += force_N * penetration_mm / 2;
+    const WallForce wall = WallForceAt(spring.stiffness_N_mm, penetration_mm, at.depth_mm());
+    // The tangent of the wall's law, as a spring.
+    spring.stiffness_N_mm = wall.slope_N_mm;
+    spring.penetration_mm = wall.force_N / wall.slope_N_mm;
+    const double force_N = wall.force_N;
+    energy_mJ += wall.energy_mJ;
     pressed_N += force_N;
     if (&place == &pairs.places.back()) end_pressed_N += force_N;
     if (lumen != nullptr && !pairs.spots.empty()) {
