@@ -23,6 +23,7 @@ void NewtonMemory::Forget() {
   moved = pushed = stable = false;
   paired = true;
   pairings = iterations_since_move = 0;
+  residual_when_paired = 0;
 }
 
 void NewtonMemory::Move() {
@@ -37,7 +38,8 @@ std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   // Names every member, so that a struct with another one does not compile. The scene and the state
   // determine the last three.
   const auto& [phase_now, part_now, was_moved, was_pushed, is_stable, is_paired, times_paired,
-               iterations, contacts, damper, feeds, travel, is_current, quadratic] = *this;
+               when_paired, iterations, contacts, damper, feeds, travel, is_current, quadratic] =
+      *this;
   for (const FeedPrediction& feed : feeds) seed = feed.Hash(seed);
   seed = damper.Hash(seed);
   seed = HashWord(static_cast<std::uint64_t>(iterations), seed);
@@ -47,6 +49,7 @@ std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   // Only several curves have pairs.
   if (feeds.size() > 1) {
     seed = HashWord(static_cast<std::uint64_t>(2 * times_paired + (is_paired ? 1 : 0)), seed);
+    seed = HashDouble(when_paired, seed);
   }
   // Only an unfinished iteration uses these.
   if (phase_now == Phase::kAttempting) seed = damper.HashAttempt(seed);

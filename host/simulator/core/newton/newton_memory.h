@@ -33,6 +33,7 @@ struct NewtonMemory {
   bool stable = false;  ///< the Hessian was positive definite at the state, or one step before
   bool paired = true;   ///< the pairs of the curves (CurvePairs) are those of the state
   int pairings = 0;     ///< since the move
+  double residual_when_paired = 0;  ///< residual of the state whose pairs the curves have
   int iterations_since_move = 0;
   std::vector<ActiveSet> active_sets{};  ///< of the wall; by curve
   Damping damping{};

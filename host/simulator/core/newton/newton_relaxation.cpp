@@ -65,11 +65,10 @@ void NewtonMethod<Sweep>::Restart(WireState& state) {
     points.Forget();
     points.SampleStiffness(state.curve(c));
   }
-  mechanics_.PairCurves(state);
   for (EnergyTerm* term : terms_) term->Reset();
   memory_.Forget();
   memory_.travel_mm = field_.TravelMm();
-  BuildModel(state);
+  Pair(state);
 }
 
 template <class Sweep>
@@ -97,11 +96,20 @@ void NewtonMethod<Sweep>::BringUpToDate(const WireState& state) {
   if (memory_.up_to_date) return;
   // A part without motion begins with the pairs of its state; a move finds them itself.
   if (memory_.part == Part::kOpen) {
-    mechanics_.PairCurves(state);
-    memory_.paired = true;
+    Pair(state);
     memory_.pairings = 0;
+  } else {
+    BuildModel(state);
   }
+}
+
+// Finds the pairs of the curves at a state, and its quadratic model.
+template <class Sweep>
+void NewtonMethod<Sweep>::Pair(const WireState& state) {
+  mechanics_.PairCurves(state);
   BuildModel(state);
+  memory_.paired = true;
+  memory_.residual_when_paired = memory_.current.residual;
 }
 
 template <class Sweep>
@@ -219,7 +227,6 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
     memory_.active_sets[static_cast<std::size_t>(c)].RememberPressed(memory_.current.curve(c));
   }
   MoveInstruments(next, limits.predicted_mm, stack(), memory_.predictions, mechanics_, state);
-  mechanics_.PairCurves(state);
 
   // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.
   if (state.Farthest().segments() == 0) {
@@ -228,7 +235,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   }
   memory_.Move();
   for (int c = 0; c < state.curves(); ++c) mechanics_.points(c).SampleStiffness(state.curve(c));
-  BuildModel(state);
+  Pair(state);
   return CountActions(here, next);
 }
 
@@ -238,8 +245,12 @@ bool NewtonMethod<Sweep>::AtRest(WireState& state) {
   if (memory_.attempting()) return false;  // memory_.current then holds the loads of the model
   BringUpToDate(state);
   if (state.Farthest().segments() == 0) return true;
-  if (memory_.current.residual > settings_.tolerance) return false;
+  // Near rest, a step with old pairs gains less than pairing the curves again. Earlier, the bulges
+  // of the pairs would be those of a shape that the curves do not keep.
+  constexpr double kNearRest = 3e-5;
+  if (memory_.current.residual > std::max(kNearRest, settings_.tolerance)) return false;
   if (!Paired(state)) return false;
+  if (memory_.current.residual > settings_.tolerance) return false;
   // A finite solver error implies that the step has a minimum, so the equilibrium is stable.
   if (settings_.tolerance_mm > 0 && SolverErrorMm(state) > settings_.tolerance_mm) return false;
   if (Stable(state)) return true;
@@ -253,10 +264,11 @@ bool NewtonMethod<Sweep>::AtRest(WireState& state) {
 template <class Sweep>
 bool NewtonMethod<Sweep>::Paired(const WireState& state) {
   constexpr int kMostPairings = 4;
+  // Pairing again leaves less than this part of the residual that was removed since the last one.
+  constexpr double kMostLeft = 0.03;
   if (!several_curves() || memory_.paired || memory_.pairings == kMostPairings) return true;
-  mechanics_.PairCurves(state);
-  BuildModel(state);
-  memory_.paired = true;
+  if (kMostLeft * memory_.residual_when_paired <= settings_.tolerance) return true;
+  Pair(state);
   ++memory_.pairings;
   return memory_.current.residual <= settings_.tolerance;
 }
@@ -347,6 +359,7 @@ void NewtonMethod<Sweep>::PushOff(WireState& state) {
   solver_.Push(state, memory_.current, trial_);
   state.TakeStep(trial_);
   memory_.moved = memory_.paired = false;
+  memory_.residual_when_paired = std::numeric_limits<double>::infinity();
   memory_.phase = Phase::kIdle;
   BuildModel(state);
 }

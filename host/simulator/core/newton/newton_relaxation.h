@@ -85,6 +85,7 @@ class NewtonMethod final : public Relaxation {
   void Accept(const AttemptRecord& record, WireState& state, TickReport& report);
   void GiveUp(const WireState& state);
   bool Stable(const WireState& state);
+  void Pair(const WireState& state);
   bool Paired(const WireState& state);
   void PushOff(WireState& state);
   void BuildModel(const WireState& state);
