@@ -131,8 +131,6 @@ struct Pressed {
   // Beside the outer curve, contact begins below the sum of both radii.
   double sign() const { return place.lever_mm < 0 ? -1 : 1; }
   double penetration_mm() const { return sign() * (offset_mm - (place.lumen_mm - place.lever_mm)); }
-  // Penetration that no force reaches: the radius of the lumen, or the sum of both radii.
-  double depth_mm() const { return sign() > 0 ? place.lumen_mm : place.lumen_mm - place.lever_mm; }
 
   // Derivative by the steps of the position along `way` of the point against its foot.
   Vector Follow(const Vector3d& way) const {
@@ -275,27 +273,6 @@ void AddContacts(const LumenPairs& pairs, const Geometry& inner, const Geometry&
   }
 }
 
-struct WallForce {
-  double energy_mJ;
-  double force_N;
-  double slope_N_mm;
-};
-
-// (41). Beyond most of the depth, the force goes on with its slope there.
-WallForce WallForceAt(double stiffness_N_mm, double penetration_mm, double depth_mm) {
-  constexpr double kMost = 0.95;
-  const double part = std::min(penetration_mm / depth_mm, kMost);
-  const double left = 1 - part * part;
-  WallForce wall;
-  wall.slope_N_mm = stiffness_N_mm * (1 + part * part) / (left * left);
-  wall.force_N = stiffness_N_mm * depth_mm * part / left;
-  wall.energy_mJ = -stiffness_N_mm * depth_mm * depth_mm / 2 * std::log1p(-part * part);
-  const double beyond_mm = penetration_mm - part * depth_mm;
-  wall.energy_mJ += beyond_mm * (wall.force_N + wall.slope_N_mm * beyond_mm / 2);
-  wall.force_N += wall.slope_N_mm * beyond_mm;
-  return wall;
-}
-
 }  // namespace
 
 void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
@@ -331,12 +308,8 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
     const Vector3d normal = at.across / at.offset_mm;
     spring.approach = at.sign() * at.Follow(normal);
     if (penetration_mm <= 0) continue;
-    const WallForce wall = WallForceAt(spring.stiffness_N_mm, penetration_mm, at.depth_mm());
-    // The tangent of the wall's law, as a spring.
-    spring.stiffness_N_mm = wall.slope_N_mm;
-    spring.penetration_mm = wall.force_N / wall.slope_N_mm;
-    const double force_N = wall.force_N;
-    energy_mJ += wall.energy_mJ;
+    const double force_N = spring.stiffness_N_mm * penetration_mm;
+    energy_mJ += force_N * penetration_mm / 2;
     pressed_N += force_N;
     if (&place == &pairs.places.back()) end_pressed_N += force_N;
     if (lumen != nullptr && !pairs.spots.empty()) {
