@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <system_error>
+#include <thread>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
@@ -207,12 +211,35 @@ Words WriterBench::Command() const {
   return words;
 }
 
-WriterRun WriterBench::With(const Fault& fault) const {
-  Words words = Command();
-  if (writer_.stays) {
-    words.insert(words.begin(), {"/usr/bin/timeout", "--preserve-status", "0.2"});
+// Number of files under their final names; they may be renamed or removed meanwhile.
+std::size_t WriterBench::WrittenFiles() const {
+  std::size_t count = 0;
+  std::error_code error;
+  for (fs::recursive_directory_iterator at(folder_.Path(), error), end; !error && at != end;
+       at.increment(error)) {
+    std::error_code gone;
+    count += at->is_regular_file(gone) && !IsTemporary(at->path());
   }
-  ChildProcess process(WithFault(fault, words));
+  return count;
+}
+
+// A program that stays is ready when it has printed a line. One that prints none at its start is
+// ready some time after its files are there.
+void WriterBench::EndOnceReady(ChildProcess& process) const {
+  constexpr int kMostPauses = 1000;
+  constexpr int kPausesWithFiles = 20;
+  int with_files = 0;
+  for (int k = 0; k < kMostPauses && with_files < kPausesWithFiles; ++k) {
+    if (process.Ended() || !process.Output().empty() || !process.Error().empty()) break;
+    with_files += WrittenFiles() >= writer_.outputs;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  process.Signal(SIGTERM);
+}
+
+WriterRun WriterBench::With(const Fault& fault) const {
+  ChildProcess process(WithFault(fault, Command()));
+  if (writer_.stays) EndOnceReady(process);
   const int status = process.Wait();
   return {status, process.Error()};
 }

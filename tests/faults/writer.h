@@ -55,6 +55,9 @@ class WriterBench {
   const TemporaryFolder& folder() const { return folder_; }
 
  private:
+  std::size_t WrittenFiles() const;
+  void EndOnceReady(ChildProcess& process) const;
+
   const Writer& writer_;
   TemporaryFolder folder_;
 };
