@@ -343,7 +343,7 @@ void AddSimulation(py::module_& module) {
             }
             return out;
           },
-          "Readings of the scene's observers by name; each name ends with its unit.")
+          "Readings of the scene's observers by name, which ends with the unit; nan: not known.")
       .def("record", &Simulation::Record,
            "Record of the session as JSON, as torquer-simulator --record writes it.")
       .def(

@@ -93,7 +93,16 @@ void Navigation::Conclude() {
   FindOnRoute(task_.route.size());
   fact(Fact::kWallForce_mN) = Force();
   fact(Fact::kTime_s) = simulation_.time_s();
-  worst_mN_ = 0;
+  worst_mN_ = worst_unconverged_mN_ = 0;
+  any_converged_ = false;
+}
+
+// Mark of a step that reached the target: 0 or 1. NaN without a converged step, or if only others
+// exceeded the limit.
+double Navigation::SafeSuccess() const {
+  if (worst_mN_ > task_.force_limit_mN) return 0;
+  if (std::isinf(task_.force_limit_mN)) return 1;
+  return any_converged_ && worst_unconverged_mN_ <= task_.force_limit_mN ? 1 : NAN;
 }
 
 void Navigation::CheckRotation(double rotation_rad) {
@@ -117,11 +126,16 @@ void Navigation::Reset(double rotation_rad, const AfterTick& after_tick) {
   command.xray = task_.pictures;
   simulation_.Step(command, after_tick);
   Conclude();
+  begun_ = true;
 }
 
 void Navigation::Step(const double* action, const AfterTick& after_tick) {
   const auto hold = usage_.Change();
   CheckAction(action);
+  if (!begun_) throw Error("the environment has not begun; call reset() before step()");
+  if (fact(Fact::kTerminated) != 0 || fact(Fact::kTruncated) != 0) {
+    throw Error("the episode has ended; call reset() before step()");
+  }
   Command command = simulation_.command();
   command.time_s += task_.step_s;
   command.xray = task_.pictures;
@@ -133,7 +147,7 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
         std::clamp(hand.insertion_mm + task_.longest_mm * feed, 0.0, lengths_mm_[k]);
     hand.rotation_rad += task_.largest_turn_rad * std::clamp(action[2 * k + 1], -1.0, 1.0);
   }
-  simulation_.Step(command, after_tick);
+  const StepReport report = simulation_.Step(command, after_tick);
   ++steps_;
   const Point tip = Tip();
   const double before_mm = fact(Fact::kRemaining_mm);
@@ -141,13 +155,15 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
   tip_ = tip;
   FindOnRoute(kReach);
   const double force_mN = Force();
-  worst_mN_ = std::max(worst_mN_, force_mN);
+  double& worst_mN = report.converged ? worst_mN_ : worst_unconverged_mN_;
+  worst_mN = std::max(worst_mN, force_mN);
+  any_converged_ = any_converged_ || report.converged;
   const bool there = Distance(tip, task_.route.back()) <= task_.within_mm;
   fact(Fact::kWallForce_mN) = force_mN;
   fact(Fact::kTerminated) = there;
   fact(Fact::kTruncated) = !there && steps_ >= task_.max_steps;
   fact(Fact::kSuccess) = there;
-  fact(Fact::kSafeSuccess) = there && worst_mN_ <= task_.force_limit_mN;
+  fact(Fact::kSafeSuccess) = there ? SafeSuccess() : 0;
   fact(Fact::kTime_s) = simulation_.time_s();
   fact(Fact::kReward) = (before_mm - fact(Fact::kRemaining_mm)) / 10 - 0.01 + (there ? 10 : 0);
 }

@@ -26,7 +26,8 @@ struct NavigationTask {
   std::vector<Point> route;  ///< points from the entry to the target, 1 mm apart
 };
 
-/// Results of a step or a reset; numpy sees them as the rows of an array.
+/// Results of a step or a reset; numpy sees them as the rows of an array. kSafeSuccess is NaN where
+/// it is not known, because forces of steps that did not converge decide it.
 enum class Fact {
   kReward,
   kTerminated,
@@ -54,7 +55,8 @@ class Navigation {
   /// Returns to the start, turns the task's instrument by `rotation_rad`, and makes a step.
   /// `after_tick`: as in Simulation::Step.
   void Reset(double rotation_rad, const AfterTick& after_tick = {});
-  /// `action`: feed and turn of each instrument, -1 .. 1 as fractions of the task's limits.
+  /// `action`: feed and turn of each instrument, -1 .. 1 as fractions of the task's limits. Throws
+  /// for values that are not finite, before the first reset, and after the end of an episode.
   void Step(const double* action, const AfterTick& after_tick = {});
   /// Throw for the arguments that Reset and Step refuse.
   static void CheckRotation(double rotation_rad);
@@ -73,6 +75,7 @@ class Navigation {
   double Force() const;
   void FindOnRoute(std::size_t reach);
   void Conclude();
+  double SafeSuccess() const;
   void Write(float* out) const;
 
   NavigationTask task_;
@@ -83,8 +86,11 @@ class Navigation {
   Picture first_picture_;
   Point tip_{};
   std::size_t nearest_ = 0;  // index of the nearest point of the route
+  bool begun_ = false;       // true after the first reset
   int steps_ = 0;
-  double worst_mN_ = 0;
+  double worst_mN_ = 0;              // in steps that converged
+  double worst_unconverged_mN_ = 0;  // in the other ones
+  bool any_converged_ = false;
   std::array<double, kFacts> facts_{};
   mutable Usage<Error> usage_;
 };

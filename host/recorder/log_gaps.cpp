@@ -28,6 +28,12 @@ std::int64_t Between(std::int64_t first, std::int64_t last) {
   return __builtin_sub_overflow(last, first, &steps) ? INT64_MAX : steps - 1;
 }
 
+// " of NAME"; "" for a name without visible text.
+std::string Of(const std::string& name) {
+  if (name.find_first_not_of(' ') == std::string::npos) return "";
+  return " of " + Printable(name);
+}
+
 }  // namespace
 
 void LogGaps::Add(const torquer_lcm::instrument_command_t& command) {
@@ -99,7 +105,9 @@ void LogGaps::AddScene() {
 }
 
 void LogGaps::Add(const torquer_lcm::health_t& health) {
-  AddRegular(protocol::kHealthChannel, health.process + " " + health.device + health.instrument,
+  const std::string of_process = health.device + health.instrument;
+  const bool both = !health.process.empty() && !of_process.empty();
+  AddRegular(protocol::kHealthChannel, health.process + (both ? " " : "") + of_process,
              health.publish_us, static_cast<double>(health.publish_us), kLatestStatusUs);
   if (health.process == "simulator") {
     const bool stops = health.state == "stopping";
@@ -131,8 +139,8 @@ std::vector<std::string> LogGaps::DescribeSilences() const {
   std::vector<std::string> lines;
   for (const auto& [key, of] : senders_) {
     if (of.silences == 0) continue;
-    lines.push_back(fmt::format("{} silences of {} at {}: messages are missing, or came late",
-                                of.silences, Printable(key.second), key.first));
+    lines.push_back(fmt::format("{} silences{} at {}: messages are missing, or came late",
+                                of.silences, Of(key.second), key.first));
   }
   return lines;
 }
@@ -140,24 +148,24 @@ std::vector<std::string> LogGaps::DescribeSilences() const {
 std::vector<std::string> LogGaps::Describe() const {
   std::vector<std::string> lines;
   const auto say = [&lines](std::int64_t count, const std::string& what, const std::string& of) {
-    if (count > 0) lines.push_back(fmt::format("{} {}{}", count, what, Printable(of)));
+    if (count > 0) lines.push_back(fmt::format("{} {}{}", count, what, Of(of)));
   };
   for (const auto& [name, of] : instruments_) {
     // A log may end between the last command and its sample. A daemon that stops has sent both.
     const bool last = of.ended && of.awaits_sample && of.samples > 0;
     const bool none = of.samples == 0 && of.received > 0 && of.commands > 0;
-    say(of.missing_samples + (last ? 1 : 0), "device samples missing of ", name);
-    say(none ? of.received : 0, "reports received but no device sample of ", name);
-    say(of.missing_commands, "commands missing of ", name);
-    say(of.samples > 0 && of.commands == 0 ? of.samples : 0, "samples but no command of ", name);
-    say(of.disordered_samples, "device samples twice or out of order of ", name);
-    say(of.disordered_commands, "commands twice or out of order of ", name);
+    say(of.missing_samples + (last ? 1 : 0), "device samples missing", name);
+    say(none ? of.received : 0, "reports received but no device sample", name);
+    say(of.missing_commands, "commands missing", name);
+    say(of.samples > 0 && of.commands == 0 ? of.samples : 0, "samples but no command", name);
+    say(of.disordered_samples, "device samples twice or out of order", name);
+    say(of.disordered_commands, "commands twice or out of order", name);
   }
   say(disordered_states_, "wire states twice or out of order", "");
   say(missing_scenes_, "scene descriptions missing", "");
   say(repeated_scenes_, "scene descriptions without the status before them", "");
   for (const auto& [key, of] : senders_) {
-    say(of.disordered, "messages twice or out of order at " + key.first + " of ", key.second);
+    say(of.disordered, "messages twice or out of order at " + key.first, key.second);
   }
   return lines;
 }

@@ -42,23 +42,34 @@ bool PageFigures::AboveLimit() const {
          *now_.wall_force_mN > *limits_.force_limit_mN;
 }
 
+std::string PageFigures::TipPath() const {
+  return now_.tip_path_mm ? ValueText(*now_.tip_path_mm) + " mm" : "not known";
+}
+
 std::string PageFigures::Patch() const {
   return limits_.patch_mm ? fmt::format("any {:g} mm of the instrument", *limits_.patch_mm)
                           : "any stretch of the instrument";
 }
 
 PageVerdict PageFigures::Verdict() const {
+  if (!now_.target_reached && report_.Has("assessment")) {
+    return {PageVerdict::Kind::kOpen, "Not known",
+            "The result of this session is not known: no moment of it settled, or its readings are "
+            "missing. The measured values are below."};
+  }
   if (!now_.target_reached) {
     return {PageVerdict::Kind::kOpen, "Not assessed",
             "This scene has no task, so the session is not judged. The measured values are below."};
   }
   const bool reached = *now_.target_reached;
-  const bool safe = now_.safe.value_or(false);
   PageVerdict verdict;
-  verdict.kind = reached && safe ? PageVerdict::Kind::kGood : PageVerdict::Kind::kPoor;
-  verdict.headline = !reached ? "&#x2717; Target not reached"
-                     : safe   ? "&#x2713; Target reached safely"
-                              : "&#x2717; Target reached, but not safely";
+  verdict.kind = reached && !now_.safe          ? PageVerdict::Kind::kOpen
+                 : reached && now_.safe == true ? PageVerdict::Kind::kGood
+                                                : PageVerdict::Kind::kPoor;
+  verdict.headline = !reached     ? "&#x2717; Target not reached"
+                     : !now_.safe ? "Target reached; safety not known"
+                     : *now_.safe ? "&#x2713; Target reached safely"
+                                  : "&#x2717; Target reached, but not safely";
   verdict.text = reached
                      ? "The tip reached the target after " +
                            SecondsText(now_.target_s.value_or(now_.procedure_s)) + "."
@@ -112,24 +123,29 @@ std::vector<std::string> PageFigures::Doubts() const {
 
 std::vector<PageFinding> PageFigures::Findings() const {
   std::vector<PageFinding> findings;
-  if (now_.target_reached) AddTarget(findings);
+  if (now_.target_reached || report_.Has("assessment")) AddTarget(findings);
   AddWall(findings);
-  if (now_.target_reached) AddWay(findings);
+  if (now_.target_reached || report_.Has("assessment")) AddWay(findings);
   return findings;
 }
 
 void PageFigures::AddTarget(std::vector<PageFinding>& findings) const {
-  const bool reached = *now_.target_reached;
+  const bool reached = now_.target_reached.value_or(false);
   std::string target = "Target";
   if (limits_.target_at_mm) {
     target += fmt::format(": {:g} mm along {}", *limits_.target_at_mm,
                           SafeText(limits_.target_centerline));
   }
-  findings.push_back(
-      {target, reached ? "reached after " + SecondsText(now_.target_s.value_or(0)) : "not reached",
-       limits_.target_radius_mm ? fmt::format("tip within {:g} mm of it", *limits_.target_radius_mm)
-                                : "tip near it",
-       reached ? "&#x2713; reached" : "&#x2717; not reached"});
+  findings.push_back({target,
+                      !now_.target_reached ? "not known"
+                      : reached ? "reached after " + SecondsText(now_.target_s.value_or(0))
+                                : "not reached",
+                      limits_.target_radius_mm
+                          ? fmt::format("tip within {:g} mm of it", *limits_.target_radius_mm)
+                          : "tip near it",
+                      !now_.target_reached ? ""
+                      : reached            ? "&#x2713; reached"
+                                           : "&#x2717; not reached"});
 }
 
 // Wall measurements of the scene, with or without an assessment.
@@ -142,6 +158,10 @@ void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
                         !limited       ? ""
                         : AboveLimit() ? "&#x2717; above the limit"
                                        : "&#x2713; within the limit"});
+  } else if (report_.Has("wall_force")) {
+    findings.push_back({"Largest force on the wall, on " + Patch(), "not known",
+                        limits_.force_limit_mN ? LimitText(*limits_.force_limit_mN) : "none set",
+                        ""});
   }
   if (const auto events = Reading("wall_force_events")) {
     std::string above = "Force above the scene's threshold";
@@ -170,7 +190,7 @@ void PageFigures::AddWay(std::vector<PageFinding>& findings) const {
   }
   if (const auto ratio = Reading("tip_path_ratio")) {
     findings.push_back(
-        {"Path length of the tip", ValueText(now_.tip_path_mm) + " mm", "none set",
+        {"Path length of the tip", TipPath(), "none set",
          ValueText(*ratio) + " times the length of the way from the entry to the target"});
   }
 }
@@ -198,7 +218,7 @@ std::vector<PageRow> PageFigures::Radiation() const {
 std::vector<PageRow> PageFigures::Motion() const {
   const SessionCourse& course = report_.course;
   std::vector<PageRow> rows = {
-      {"Path length of the tip", ValueText(now_.tip_path_mm) + " mm"},
+      {"Path length of the tip", TipPath()},
       {"Speed of the tip while it moved",
        fmt::format("{} mm/s mean, {} mm/s peak", ValueText(course.moving_speed_mm_s()),
                    ValueText(course.peak_speed_mm_s()))}};
@@ -222,17 +242,19 @@ std::string PageFigures::Share(std::int64_t ticks) const {
 
 std::vector<PageRow> PageFigures::Solver() const {
   const SolverHealth& solver = report_.course.solver();
-  return {{"Simulated", fmt::format("{} ticks", solver.ticks)},
-          {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
-          {"&#x2003;because the time budget was spent", Share(solver.budget_spent)},
-          {"&#x2003;because no step reduced the residual", Share(solver.stalled)},
-          {"Outside the vessel", Share(solver.outside)},
-          {"Tip snapped to another shape", Share(solver.snapped)},
-          {"Largest penetration of the wall", ValueText(report_.max_penetration_um) + " &#xb5;m"},
-          {"Largest residual in equilibrium", ValueText(solver.largest_residual) + " (no unit)"},
-          {"Time for a tick",
-           fmt::format("{} &#xb5;s median, {} &#xb5;s 99th percentile",
-                       ValueText(report_.solve_us.p50), ValueText(report_.solve_us.p99))}};
+  return {
+      {"Simulated", fmt::format("{} ticks", solver.ticks)},
+      {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
+      {"&#x2003;because the time budget was spent", Share(solver.budget_spent)},
+      {"&#x2003;because no step reduced the residual", Share(solver.stalled)},
+      {"Outside the vessel", Share(solver.outside)},
+      {"Tip snapped to another shape", Share(solver.snapped)},
+      {"Largest penetration of the wall", ValueText(report_.max_penetration_um) + " &#xb5;m"},
+      {"Largest residual in equilibrium",
+       solver.largest_residual ? ValueText(*solver.largest_residual) + " (no unit)" : "not known"},
+      {"Time for a tick",
+       fmt::format("{} &#xb5;s median, {} &#xb5;s 99th percentile", ValueText(report_.solve_us.p50),
+                   ValueText(report_.solve_us.p99))}};
 }
 
 std::vector<PageRow> PageFigures::Device() const {

@@ -52,6 +52,8 @@ class PageFigures {
   std::vector<PageRow> Motion() const;
   std::vector<PageRow> Solver() const;
   std::vector<PageRow> Device() const;
+  /// Path length of the tip with its unit; "not known" without a value.
+  std::string TipPath() const;
   /// Length of wire over which the wall force is measured, in words.
   std::string Patch() const;
   /// Value of a reading in the last message; nothing if absent.

@@ -135,8 +135,10 @@ std::string FormatReport(const SessionReport& report) {
         report.shapes);
   }
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
-    text += fmt::format("  {:<13}{} {:.6g}\n", i == 0 ? "readings" : "",
-                        Printable(report.readings.names[i]), report.readings.values[i]);
+    const double value = report.readings.values[i];
+    text += fmt::format("  {:<13}{} {}\n", i == 0 ? "readings" : "",
+                        Printable(report.readings.names[i]),
+                        std::isnan(value) ? "not known" : fmt::format("{:.6g}", value));
   }
   if (report.states_missing > 0 || report.undecodable > 0) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",

@@ -191,7 +191,7 @@ class Page {
     add(ForcePanel({}), [](const SessionSummary& s) { return s.wall_force_mN; });
     add({.title = "Fluoroscopy time (s)"}, [](const SessionSummary& s) { return s.fluoroscopy_s; });
     add({.title = "Path length of the tip (mm)"},
-        [](const SessionSummary& s) { return std::optional<double>(s.tip_path_mm); });
+        [](const SessionSummary& s) { return s.tip_path_mm; });
     const auto count = static_cast<double>(sessions.size());
     out_ += "<figure>\n";
     out_ += DrawPanels("Learning curve", panels,
@@ -214,15 +214,17 @@ class Page {
     };
     const char* result = !session.target_reached    ? "not assessed"
                          : !*session.target_reached ? "&#x2717; not reached"
-                         : session.safe == true     ? "&#x2713; safe"
+                         : !session.safe            ? "reached; safety not known"
+                         : *session.safe            ? "&#x2713; safe"
                                                     : "&#x2717; unsafe";
     Append(out_,
            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
-           "<td>{} mm</td><td>{}</td></tr>\n",
+           "<td>{}</td><td>{}</td></tr>\n",
            number, DateText(session.started_us), result, SecondsText(session.procedure_s),
            or_dash(session.wall_force_mN, ForceText), or_dash(session.fluoroscopy_s, SecondsText),
            or_dash(session.contrast_mL, [](double mL) { return ValueText(mL) + " mL"; }),
-           ValueText(session.tip_path_mm), TimesText(static_cast<double>(session.reversals)));
+           or_dash(session.tip_path_mm, [](double mm) { return ValueText(mm) + " mm"; }),
+           TimesText(static_cast<double>(session.reversals)));
   }
 
   void Picture() {

@@ -137,7 +137,7 @@ void SessionCourse::CountTick(const torquer_lcm::wire_state_t& state) {
   solver_.snapped += has(protocol::kWireSnapped) ? 1 : 0;
   solver_.in_doubt += has(protocol::kWireInDoubt) ? 1 : 0;
   if (converged && std::isfinite(state.residual)) {
-    solver_.largest_residual = std::max(solver_.largest_residual, state.residual);
+    solver_.largest_residual = std::max(solver_.largest_residual.value_or(0), state.residual);
   }
 }
 

@@ -17,7 +17,7 @@
 namespace torquer {
 
 /// Value of a reading, such as "wall_force_sum_mN". Returns nothing if the scene has no observer
-/// for it. Also returns nothing if the value is not a number or beyond Series::kMost.
+/// for it, or if the value is not known. Also returns nothing for a value beyond Series::kMost.
 std::optional<double> FindReading(const torquer_lcm::readings_t& readings, const std::string& name);
 
 /// One instrument over time.
@@ -32,13 +32,13 @@ struct InstrumentCourse {
 /// Solver outcomes, counted over the ticks of the log.
 struct SolverHealth {
   std::int64_t ticks = 0;
-  std::int64_t unconverged = 0;   ///< not within the scene's tolerance
-  std::int64_t budget_spent = 0;  ///< of these: the time budget was spent
-  std::int64_t stalled = 0;       ///< of these: no step reduced the residual
-  std::int64_t outside = 0;       ///< a node's center was beyond the wall
-  std::int64_t snapped = 0;       ///< the tip snapped
-  std::int64_t in_doubt = 0;      ///< sensor lifted, device or commands missing
-  double largest_residual = 0;    ///< of ticks that converged; dimensionless
+  std::int64_t unconverged = 0;            ///< not within the scene's tolerance
+  std::int64_t budget_spent = 0;           ///< of these: the time budget was spent
+  std::int64_t stalled = 0;                ///< of these: no step reduced the residual
+  std::int64_t outside = 0;                ///< a node's center was beyond the wall
+  std::int64_t snapped = 0;                ///< the tip snapped
+  std::int64_t in_doubt = 0;               ///< sensor lifted, device or commands missing
+  std::optional<double> largest_residual;  ///< of ticks that converged; dimensionless
 };
 
 /// Collector of the course. Times are simulated seconds since the simulator began.

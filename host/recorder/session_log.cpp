@@ -1,5 +1,7 @@
 #include "host/recorder/session_log.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <functional>
 #include <iterator>
@@ -54,10 +56,18 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   SessionLogSummary summary;
   for (LogRecord record; log.Next(record);) {
     if (summary.messages == 0) summary.started_us = record.time_us;
+    if (record.begins_log) ++summary.sessions;
+    if (summary.sessions > 1) continue;
     ++summary.messages;
     const auto handler = by_channel.find(record.channel);
     if (handler == by_channel.end()) CountUnknown(record.channel, summary);
     if (handler != by_channel.end() && !handler->second(record)) ++summary.undecodable;
+  }
+  if (summary.sessions > 1) {
+    throw UserError(
+        fmt::format("{}: {} logs are joined in it, and a report judges one session; "
+                    "give each log by itself",
+                    path, summary.sessions));
   }
   summary.damage = log.damage();
   if (summary.messages == 0) {

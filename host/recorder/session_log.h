@@ -30,6 +30,7 @@ struct SessionHandlers {
 
 /// Summary of a log besides the messages passed to the handlers.
 struct SessionLogSummary {
+  std::int64_t sessions = 1;     ///< logs that are joined in this one
   std::int64_t messages = 0;     ///< all, those of other channels included
   std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
   std::int64_t started_us = 0;   ///< time of the first record, by the logger's wall clock
@@ -39,7 +40,7 @@ struct SessionLogSummary {
 };
 
 /// Reads all intact records of the log at `path`, in recorded order. Memory use does not grow with
-/// the log. Throws UserError if the file cannot be read or has no LCM message.
+/// the log. Throws UserError if the file cannot be read, has no LCM message, or holds several logs.
 SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers& handlers);
 
 }  // namespace torquer

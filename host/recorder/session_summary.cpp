@@ -135,7 +135,12 @@ SessionSummary Summarize(const SessionReport& report) {
     summary.fluoroscopy_s = reading("fluoroscopy_s").value_or(course.xray().total_s());
   }
   summary.contrast_mL = reading("contrast_injected_mL");
-  summary.tip_path_mm = reading("tip_path_mm").value_or(course.tip_path_mm());
+  summary.tip_path_mm = reading("tip_path_mm");
+  // The course also follows ticks that did not converge, so it cannot replace an unknown path.
+  const std::vector<std::string>& names = report.readings.names;
+  if (std::find(names.begin(), names.end(), "tip_path_mm") == names.end()) {
+    summary.tip_path_mm = course.tip_path_mm();
+  }
   for (const InstrumentCourse& instrument : course.instruments()) {
     summary.reversals += instrument.reversals;
   }
@@ -153,7 +158,7 @@ std::string FormatSummary(const SessionSummary& summary) {
                                        {"wall_force_mN", OrNull(summary.wall_force_mN)},
                                        {"fluoroscopy_s", OrNull(summary.fluoroscopy_s)},
                                        {"contrast_mL", OrNull(summary.contrast_mL)},
-                                       {"tip_path_mm", summary.tip_path_mm},
+                                       {"tip_path_mm", OrNull(summary.tip_path_mm)},
                                        {"reversals", summary.reversals}};
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
@@ -172,7 +177,7 @@ SessionSummary ReadSummary(const std::string& path) {
   summary.wall_force_mN = fields.Number("wall_force_mN");
   summary.fluoroscopy_s = fields.Number("fluoroscopy_s");
   summary.contrast_mL = fields.Number("contrast_mL");
-  summary.tip_path_mm = fields.GivenNumber("tip_path_mm");
+  summary.tip_path_mm = fields.Number("tip_path_mm");
   summary.reversals = fields.Count("reversals");
   return summary;
 }

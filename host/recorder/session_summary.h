@@ -11,7 +11,8 @@
 
 namespace torquer {
 
-/// Figures that show learning progress. A figure has no value if the scene does not measure it.
+/// Figures that show learning progress. A figure has no value if the scene does not measure it, or
+/// if it is not known.
 struct SessionSummary {
   std::string scene;
   std::int64_t started_us = 0;  ///< wall clock, since 1970
@@ -22,7 +23,7 @@ struct SessionSummary {
   std::optional<double> wall_force_mN;  ///< largest wall force of a patch
   std::optional<double> fluoroscopy_s;  ///< time with the X-ray pedal down
   std::optional<double> contrast_mL;    ///< injected
-  double tip_path_mm = 0;               ///< from the assessment, otherwise from the course
+  std::optional<double> tip_path_mm;    ///< from the assessment, otherwise from the course
   std::int64_t reversals = 0;           ///< of all instruments
 
   bool operator==(const SessionSummary&) const = default;

@@ -103,7 +103,7 @@ void Simulation::Restart() {
   report_ = TickReport();
   report_.carried = InstrumentPoses(target_.size());
   report_.residual = relaxation_->Current().residual;
-  report_.energy_mJ = relaxation_->Current().energy_mJ - relaxation_->Current().dissipated_mJ;
+  report_.energy_mJ = relaxation_->EnergyMJ(state_);
   report_.dissipated_mJ = relaxation_->Current().dissipated_mJ;
   report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
   Observe();

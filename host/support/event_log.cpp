@@ -130,10 +130,19 @@ bool EventLogReader::Place(Header& header) {
   return false;
 }
 
+// True for the first record of a log that follows another one: its number is 0, and the next one's
+// is 1. A log of one record may be the last.
+bool EventLogReader::BeginsLog(const Header& header) const {
+  if (expected_ <= 0 || header.number != 0) return false;
+  Header next;
+  return header.end == file_.bytes() ||
+         (Look(header.end, next) == Kind::kRecord && next.number == 1);
+}
+
 // True if the record may be used. If the number of the next record shows that only this number is
 // wrong, the bytes of this record are not trusted.
 bool EventLogReader::NumberFits(const Header& header) {
-  if (expected_ < 0 || header.number == expected_) return true;
+  if (expected_ < 0 || header.number == expected_ || BeginsLog(header)) return true;
   Header next;
   const bool next_is_known = Look(header.end, next) == Kind::kRecord;
   if (next_is_known && next.number == expected_ + 1) {
@@ -153,6 +162,7 @@ bool EventLogReader::NumberFits(const Header& header) {
 bool EventLogReader::Next(LogRecord& record) {
   for (Header header; Place(header);) {
     const std::int64_t begin = at_;
+    record.begins_log = BeginsLog(header);
     const bool fits = NumberFits(header);
     at_ = header.end;
     expected_ = fits ? header.number + 1 : expected_ + 1;

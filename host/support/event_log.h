@@ -23,6 +23,7 @@ struct LogRecord {
   std::string_view channel;
   std::span<const std::uint8_t> data;
   std::int64_t data_at = 0;  ///< position of `data` in the file
+  bool begins_log = false;   ///< first record of a log that was appended to another one
 };
 
 /// Time from a log's first record to another, us. Limited to 0 to a year, because recorded times
@@ -41,7 +42,8 @@ struct LogDamage {
   std::string Describe() const;
 };
 
-/// Reads a log record by record, with limited memory. It reaches the end for any bytes. A record is
+/// Reads a log record by record, with limited memory. Logs that were joined are no damage: the
+/// numbers begin again. It reaches the end for any bytes. A record is
 /// valid if its header is plausible and another record or the end of the file follows it. Bytes
 /// between valid records are counted and skipped.
 class EventLogReader {
@@ -72,6 +74,7 @@ class EventLogReader {
   std::int64_t FindRecord(std::int64_t from, std::int64_t limit);
   bool Place(Header& header);
   bool NumberFits(const Header& header);
+  bool BeginsLog(const Header& header) const;
 
   LogInput file_;
   std::vector<std::uint8_t> window_;  // part of the file from window_at_ on

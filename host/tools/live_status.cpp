@@ -36,14 +36,15 @@ std::string LatencyText(std::vector<double>& latencies_ms) {
 }
 
 std::string ForceText(const std::map<std::string, double>& readings) {
-  const auto value = [&](const char* name) {
+  const auto value = [&](const char* name, int digits = 3) -> std::string {
     const auto found = readings.find(name);
-    return found == readings.end() ? 0.0 : found->second;
+    const bool known = found != readings.end() && std::isfinite(found->second);
+    return known ? fmt::format("{:.{}g}", found->second, digits) : "-";
   };
   if (readings.count("wall_force_events") == 0) return "";
-  return fmt::format(" | force {:.3g} mN, sum {:.3g}, most {:.3g}, {:.0f} events",
-                     value("wall_force_largest_mN"), value("wall_force_sum_mN"),
-                     value("wall_force_largest_ever_mN"), value("wall_force_events"));
+  return fmt::format(" | force {} mN, sum {}, most {}, {} events", value("wall_force_largest_mN"),
+                     value("wall_force_sum_mN"), value("wall_force_largest_ever_mN"),
+                     value("wall_force_events", 9));
 }
 
 // Limits names of instruments and devices to 40 characters.
@@ -174,7 +175,9 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
   const auto grown = [&](const std::string& name) {
     const auto was = before.find(name);
     const auto is = readings_.find(name);
-    return was != before.end() && is != readings_.end() && is->second > was->second;
+    // A count that was not known before has grown from 0.
+    return was != before.end() && is != readings_.end() &&
+           is->second > (std::isnan(was->second) ? 0 : was->second);
   };
   std::string news;
   if (grown("wall_force_events")) {

@@ -2,6 +2,7 @@
 #include <torquer/torquer.h>
 
 #include <algorithm>
+#include <bit>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -36,6 +37,7 @@ struct Shown {
   std::vector<double> nodes_mm;
   std::vector<double> numbers;
   std::vector<std::string> names;
+  std::vector<std::uint64_t> readings;  // their bits, because one that is not known is NaN
   std::vector<std::uint8_t> gray;
 
   bool operator==(const Shown&) const = default;
@@ -62,7 +64,7 @@ Shown Show(Simulation& simulation) {
   }
   for (const torquer::Reading& reading : simulation.readings()) {
     shown.names.push_back(reading.name);
-    shown.numbers.push_back(reading.value);
+    shown.readings.push_back(std::bit_cast<std::uint64_t>(reading.value));
   }
   for (const torquer::Point& force : simulation.forces().contact_mN) {
     shown.numbers.insert(shown.numbers.end(), force.begin(), force.end());

@@ -78,6 +78,18 @@ TEST_CASE("A stretch is one within its radius of the curve, and zero beyond its 
   CHECK(region.Weight(bow.At(50).position_mm) == 0);
 }
 
+TEST_CASE("The soft edge lies outside a ball or a stretch, and inside a side") {
+  // As the reference of edge_mm says.
+  const Region ball = Region::Ball(Vector3d::Zero(), 5, 2);
+  CHECK(ball.Weight(Vector3d(5, 0, 0)) == 1);
+  CHECK(ball.Weight(Vector3d(6, 0, 0)) == Approx(0.5));
+  CHECK(ball.Weight(Vector3d(7, 0, 0)) == 0);
+  const Region side = Region::Side(Vector3d(10, 0, 0), Vector3d::UnitX(), 4);
+  CHECK(side.Weight(Vector3d(10, 3, 0)) == 0);
+  CHECK(side.Weight(Vector3d(12, 3, 0)) == Approx(0.5));
+  CHECK(side.Weight(Vector3d(14, 3, 0)) == 1);
+}
+
 TEST_CASE("A region knows whether it meets the lumen") {
   const vessel::TubeVessel tube = vessel::MakeStraightTube(100, 3);
   const auto meets = [&](const Region& region) {

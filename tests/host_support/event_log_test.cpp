@@ -53,6 +53,7 @@ std::string Log(int from = 0, int to = kRecords) {
 struct Outcome {
   std::vector<std::string> read;  // channel and data
   LogDamage damage;
+  int logs = 1;
 };
 
 Outcome Read(const std::string& log) {
@@ -61,6 +62,7 @@ Outcome Read(const std::string& log) {
   EventLogReader reader(folder.Path("log"));
   Outcome outcome;
   for (LogRecord record; reader.Next(record);) {
+    outcome.logs += record.begins_log ? 1 : 0;
     outcome.read.push_back(std::string(record.channel) + " " +
                            std::string(record.data.begin(), record.data.end()));
   }
@@ -214,9 +216,14 @@ TEST_CASE("Numbers show what is missing, and what is out of order", "[support]")
   CHECK(gap.damage.Describe() == "2 records missing");
   CHECK(gap.read.size() == kRecords - 2);
 
-  const Outcome twice = Read(Log() + Log());
-  CHECK(twice.damage.places == 1);
-  CHECK(twice.read.size() == 2 * kRecords);
+  // A record out of order is damage; a log that begins after another one is not.
+  const Outcome back = Read(Log(0, 4) + Log(2));
+  CHECK(back.damage.places == 1);
+  CHECK(back.logs == 1);
+  const Outcome joined = Read(Log() + Log() + Log(0, 1));
+  CHECK_FALSE(joined.damage.any());
+  CHECK(joined.logs == 3);
+  CHECK(joined.read.size() == 2 * kRecords + 1);
 
   // A single wrong number is neither a gap nor trusted.
   const Outcome wrong = Read(Log(0, 2) + Record(99, Channel(2), Data(2)) + Log(3));

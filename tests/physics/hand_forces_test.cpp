@@ -155,6 +155,77 @@ TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it 
   }
 }
 
+TEST_CASE("A turn of a shaped instrument in a shaped one takes the energy of both") {
+  // Rest curvatures overlap, so the sum of the bending energies changes by more than the rod's.
+  const double segment_mm = 0.5;
+  std::vector<WireModel> instruments;
+  instruments.push_back(Instrument(segment_mm, 1, 0.2, 45.3, 0.03));
+  instruments.push_back(Instrument(segment_mm, 2, 0.4, 13.4, -0.02));
+  const InstrumentPoses poses{{95.3, 0.4}, {71.2, 1.2}};
+  Round round(std::move(instruments), poses);
+  for (int k = 0; k < 2; ++k) {
+    const double torque = round.Hand(k).torque_mJ;
+    const auto turned = [&](double by_rad) {
+      WireState there = round.state;
+      InstrumentPoses at = poses;
+      at[k].rotation_rad += by_rad;
+      there.SetPoses(at);
+      round.relaxation->Restart(there);
+      return round.relaxation->EnergyMJ(there);
+    };
+    const double work = (turned(0.01) - turned(-0.01)) / 0.02;
+    round.relaxation->Restart(round.state);
+    INFO("instrument " << k);
+    CHECK(torque == Approx(work).epsilon(1e-3).margin(1e-9));
+    CHECK(std::abs(work) > 1e-4);
+  }
+}
+
+TEST_CASE("Two arcs in each other keep the energy of the curve between them") {
+  // In free space they lie on an arc of the curvature sum(EI kappa) / sum(EI). Each is bent from
+  // its own curvature to it, which takes EI |difference|^2 / 2 per length.
+  const double turned_rad = GENERATE(0.0, 1.1, 3.14159265358979);
+  const double length_mm = 60;
+  const double rigidity[] = {1, 2};
+  const double curvature[] = {0.02, 0.01};
+  double energy_mJ[2];
+  const double segments_mm[] = {0.5, 0.25};
+  for (int refined = 0; refined < 2; ++refined) {
+    std::vector<WireModel> instruments;
+    for (int k = 0; k < 2; ++k) {
+      instruments.push_back(MakeWire({.segment_mm = segments_mm[refined],
+                                      .rigidity_N_mm2 = rigidity[k],
+                                      .radius_mm = 0.2 * (k + 1),
+                                      .tip_mm = 100,
+                                      .tip_curvature_1_per_mm = curvature[k],
+                                      .max_length_mm = 100}));
+    }
+    InstrumentStack stack(std::move(instruments));
+    const FreeSpace field;
+    const WallModel wall;
+    const std::vector<EnergyTerm*> none;
+    const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none);
+    const InstrumentPoses poses{{length_mm, turned_rad}, {length_mm, 0}};
+    stack.Combine(poses);
+    WireState state =
+        WireState::Along(stack.rod(), {Vector3d::Zero(), Vector3d(2 * length_mm, 0, 0)}, poses);
+    relaxation->Restart(state);
+    const TickReport report = Settle(*relaxation, poses, state, 200);
+    REQUIRE(report.converged);
+    energy_mJ[refined] = report.energy_mJ;
+  }
+  const Eigen::Vector2d of_a =
+      curvature[0] * Eigen::Vector2d(std::cos(turned_rad), std::sin(turned_rad));
+  const Eigen::Vector2d of_b(curvature[1], 0);
+  const Eigen::Vector2d common = (rigidity[0] * of_a + rigidity[1] * of_b) / 3;
+  const double expected_mJ =
+      length_mm / 2 *
+      (rigidity[0] * (common - of_a).squaredNorm() + rigidity[1] * (common - of_b).squaredNorm());
+  INFO("turned by " << turned_rad);
+  // The hats at the ends are of first order in the segment.
+  CHECK(2 * energy_mJ[1] - energy_mJ[0] == Approx(expected_mJ).epsilon(1e-3));
+}
+
 TEST_CASE("The hand's torque on a twisting wire is the energy of a turn") {
   const int count = GENERATE(1, 2, 3);
   const bool room = GENERATE(false, true);

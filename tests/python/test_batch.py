@@ -67,6 +67,24 @@ def test_a_case_is_what_a_single_run_of_the_simulator_is(study, tmp_path):
         assert record["readings"]["largest.guidewire.hand_force_mN"] == max(force)
 
 
+def test_a_reading_that_is_not_known_is_null_and_stays_stored(study, tmp_path):
+    path = study(
+        'scenes = ["ty_phantom"]\n[axes]\n"relaxation.budget_units" = [1]\n"relaxation.tolerance" = [1e-10]\n'
+        f'"effects.wall_force.threshold_mN" = [30]\n{MOTION}'
+    )
+    out = tmp_path / "out"
+    assert finish(path, out)[0] == 0
+    text = (out / "readings.jsonl").read_text()
+    readings = json.loads(text)["readings"]
+    assert readings["unconverged_rows"] == readings["rows"]
+    assert readings["wall_force_largest_ever_mN"] is None and readings["largest.wall_force_events"] is None
+    assert "NaN" not in text and "nan" not in (out / "readings.csv").read_text().lower()
+    # A second run reads what is stored.
+    status, output, error = finish(path, out)
+    assert status == 0, error
+    assert (out / "readings.jsonl").read_text() == text
+
+
 def test_nothing_that_is_stored_is_run_again_and_what_changed_is(study, tmp_path):
     out = tmp_path / "out"
     ran = []

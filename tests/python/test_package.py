@@ -400,11 +400,13 @@ def test_an_interrupt_ends_what_takes_long(what):
     text = f"""
 import numpy, os, torquer, torquer.envs
 scene = torquer.Scene(torquer.scene_path("coronary"))
-task = torquer.envs.Task("lad", 60.0, step_s=1e3)
+task = torquer.envs.Task("lad", 60.0, step_s=600)
 if "env" in {LONG[what]!r}:
     env = torquer.envs.NavigationEnv(scene, task)
+    env.reset(seed=1)
 if "many" in {LONG[what]!r}:
     many = torquer.envs.VectorEnv(scene, 2, 2, task=task)
+    many.reset(seed=1)
 try:
     print("begun", flush=True)
     {LONG[what]}

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
+#include <fstream>
 #include <random>
 #include <set>
 #include <string>
@@ -13,6 +14,7 @@
 #include "host/support/event_log_writer.h"
 #include "protocol/lcm_channels.h"
 #include "tests/recorder/session_fixture.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/temporary_folder.h"
 
 using namespace torquer;
@@ -134,6 +136,45 @@ TEST_CASE("Whatever a log lacks, has twice or has in another order is said") {
       CHECK(Said(folder.Path("changed")) != "nothing");
     }
   }
+}
+
+TEST_CASE("A sender without a name leaves no gap in a phrase") {
+  for (const std::string& name : {std::string(), std::string("  ")}) {
+    LogGaps gaps;
+    for (const int i : {0, 1, 5, 5}) {
+      torquer_lcm::hand_motion_t truth{};
+      truth.device = name;
+      truth.time_s = i;
+      truth.publish_us = 1'000'000 * i;
+      gaps.Add(truth);
+      torquer_lcm::health_t health{};
+      health.publish_us = truth.publish_us;
+      health.process = name;
+      gaps.Add(health);
+      torquer_lcm::instrument_command_t command{};
+      command.instrument = name;
+      command.sequence = i;
+      gaps.Add(command);
+    }
+    std::vector<std::string> lines = gaps.Describe();
+    CHECK(lines.size() == 4);
+    for (const std::string& line : gaps.DescribeSilences()) lines.push_back(line);
+    CHECK(lines.size() == 6);
+    for (const std::string& line : lines) {
+      CHECK_THAT(line, !Catch::Contains(" of  ") && !Catch::Contains(" of at") &&
+                           !Catch::EndsWith(" of") && !Catch::EndsWith(" "));
+    }
+  }
+}
+
+TEST_CASE("Two logs joined are two sessions, and no report judges them as one") {
+  const TemporaryFolder folder;
+  WriteSession(folder.Path("one"), {});
+  WriteSession(folder.Path("other"), {});
+  std::ofstream(folder.Path("both"), std::ios::binary)
+      << Contents(folder.Path("one")) << Contents(folder.Path("other"));
+  CHECK_THROWS_WITH(Said(folder.Path("both")), Catch::Contains("both: 2 logs are joined in it") &&
+                                                   Catch::Contains("give each log by itself"));
 }
 
 TEST_CASE("A status or a scene that is missing between two others is said") {

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
 
@@ -131,6 +132,38 @@ TEST_CASE("The verdict follows the readings") {
                        Catch::Contains("did not reach the target in 0:01.0 min") &&
                        Row("Target: 95 mm along lad", "not reached"));
   CHECK_THAT(page, !Catch::Contains("dashed: target reached"));
+}
+
+TEST_CASE("A result that is not known is no result, and no figure of it is 0") {
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  SessionReport report = Report(true);
+  const TemporaryFolder folder;
+  SetReading(report, "safe_success", unknown);
+  std::string page = FormatPage(report, Parts());
+  CHECK_THAT(page, Catch::Contains("Target reached; safety not known") &&
+                       Catch::Contains("class=\"verdict open\"") && !Catch::Contains("not safely"));
+  for (const char* name : {"wall_force_largest_ever_mN", "wall_force_events", "wall_force_above_s",
+                           "wall_tip_pressure_ever_kPa", "tip_path_mm", "wrong_vessel_entries",
+                           "target_reached", "target_reached_s"}) {
+    SetReading(report, name, unknown);
+  }
+  page = FormatPage(report, Parts());
+  CHECK(IsXml(page));
+  CHECK_THAT(page, Catch::Contains("<strong>Not known</strong>"));
+  CHECK_THAT(page,
+             Row("Target: 95 mm along lad", "not known") &&
+                 Row("Path length of the tip", "not known") &&
+                 Row("Largest force on the wall, on any 2 mm of the instrument", "not known"));
+  CHECK_THAT(page, !Catch::Contains("nan") && !Catch::Contains("within the limit"));
+  const SessionSummary summary = Summarize(report);
+  CHECK_FALSE(summary.target_reached);
+  CHECK_FALSE(summary.wall_force_mN);
+  CHECK_FALSE(summary.tip_path_mm);
+  std::ofstream(folder.Path("unknown.session.json")) << FormatSummary(summary);
+  CHECK(ReadSummary(folder.Path("unknown.session.json")) == summary);
+  CHECK_THAT(FormatReport(report), Catch::Contains("wall_force_largest_ever_mN not known\n"));
+  const auto json = nlohmann::json::parse(FormatReportJson(report, "", ""));
+  CHECK(json["readings"]["wall_force_largest_ever_mN"].is_null());
 }
 
 TEST_CASE("A scene without assessment has a page, which judges nobody") {

@@ -254,6 +254,28 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   CHECK(readings["retracted_mm"] == 5);
 }
 
+TEST_CASE("A record without a converged tick has null where nothing is known", "[simulator]") {
+  const SceneFile file(std::string("[relaxation]\ntolerance = 1e-10\nbudget_units = 1\n") +
+                       kAssessed);
+  Write(file.Beside("s.csv"), std::string(kHeader) + "0,3,0\n1,9,1\n2,20,2\n");
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  const torquer::program::ScriptResult result = torquer::program::RunScript(
+      scene, file.Beside("s.csv"),
+      {.states = file.Beside("s.jsonl"), .record = file.Beside("r.json")});
+  REQUIRE(result.unconverged == 3);
+  std::ifstream in(file.Beside("r.json"));
+  const nlohmann::json readings = nlohmann::json::parse(in)["readings"];
+  const nlohmann::json last = Rows(file.Beside("s.jsonl")).back();
+  for (const char* name : {"wall_force_largest_ever_mN", "wall_force_max_mN", "wall_force_events",
+                           "tip_path_mm", "target_reached", "safe_success"}) {
+    INFO(name);
+    CHECK(readings[name].is_null());
+    CHECK(last[name].is_null());
+  }
+  CHECK(readings["wall_force_unconverged_s"] == 2);
+  CHECK(readings["procedure_s"] == 2);
+}
+
 TEST_CASE("A record that cannot be is refused before the session", "[simulator]") {
   const SceneFile assessed(kAssessed);
   Write(assessed.Beside("s.csv"), std::string(kHeader) + "0,0,0\n1,5,0\n");

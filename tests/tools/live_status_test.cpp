@@ -1,6 +1,7 @@
 #include "host/tools/live_status.h"
 
 #include <catch2/catch.hpp>
+#include <limits>
 
 #include "protocol/lcm_channels.h"
 
@@ -83,6 +84,13 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
   readings.values[6] = 1;
   readings.values[7] = 9.5;
   CHECK(status.Add(readings) == "assessment: target reached at 9.50 s");
+  // Until a tick has converged, nothing is known; the first event after it is news.
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  readings.values = {5, 6, unknown, unknown, unknown, unknown, unknown, unknown};
+  CHECK(status.Add(readings).empty());
+  CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("force 5 mN, sum 6, most -, - events"));
+  readings.values = {5, 6, 1, 5, 8.5, 5, 0, -1};
+  CHECK(status.Add(readings) == "wall force: event 1: above the threshold at 8.50 s, 5 mN so far");
   // A restarted scene has no events.
   readings.values = {0, 0, 0, 0, -1, 0, 0, -1};
   CHECK(status.Add(readings).empty());

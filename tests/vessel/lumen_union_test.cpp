@@ -395,6 +395,24 @@ TEST_CASE("an open branch that ends in the lumen is joined, and its inner end is
   CHECK(is_said);
 }
 
+TEST_CASE("a share too small to print is not said") {
+  // A corner of one box reaches into another one by less and less.
+  const AlignedBox3d one(Vector3d(0, 0, 0), Vector3d(10, 6, 4));
+  bool is_ever_said = false;
+  for (const double deep_mm : {1.0, 0.1, 0.03, 0.01, 0.003, 0.001}) {
+    const AlignedBox3d other(Vector3d(10 - deep_mm, 6 - deep_mm, 4 - deep_mm),
+                             Vector3d(16, 12, 10));
+    TriangleMesh both = MakeBox(one, 2);
+    Append(both, MakeBox(other, 3));
+    for (const std::string& finding : RepairSurface(both, "x").report.findings) {
+      INFO(deep_mm << " mm: " << finding);
+      CHECK(finding.find("e-") == std::string::npos);
+      is_ever_said = is_ever_said || finding.find("lay within the lumen") != std::string::npos;
+    }
+  }
+  CHECK(is_ever_said);
+}
+
 TEST_CASE("a membrane across the lumen encloses nothing and goes, a fin too") {
   TriangleMesh tube = MakeClosedTube();
   SECTION("membrane") {

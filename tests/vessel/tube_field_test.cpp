@@ -84,6 +84,21 @@ TEST_CASE("tubes longer than those of any vessel are refused") {
   CHECK_THROWS_WITH(make(26'000), Contains("52000") && Contains("50000") && Contains("unit"));
 }
 
+TEST_CASE("between two points the radius changes as the reference of radii_mm says") {
+  const double length = 1000;
+  const TubeField taper(
+      {{"taper", ArcLinePath::FromCorners({{0, 0, 0}, {length, 0, 0}}, 15), {3, 2}, {0, length}}},
+      0);
+  // The values of t^2 (3 - 2 t) at t = 1/4, 1/2, 3/4 are 10/64, 1/2, 54/64. The wall's slope is at
+  // most 1.5/1000, so the distance to it differs from the radius by 3 mm (1.5e-3)^2 / 2 at most.
+  const double shares[] = {10.0 / 64, 0.5, 54.0 / 64};
+  for (int k = 0; k < 3; ++k) {
+    const double radius = 3 - shares[k];
+    const Vector3d near_wall(0.25 * (k + 1) * length, radius - 0.01, 0);
+    CHECK(taper.Clearance(near_wall) == Approx(0.01).margin(3.4e-6));
+  }
+}
+
 TEST_CASE("a tapered tube is the envelope of its spheres") {
   const Tube tube = TaperedBend();
   const TubeField field({tube}, 0);

@@ -97,6 +97,16 @@ TEST_CASE("A contact beyond the nodes that are there is left out") {
   CHECK(StateFrame(state, nullptr, 5).size() == 188 + 4 + 2 * 12);
 }
 
+TEST_CASE("A reading that is not known is null on the page") {
+  torquer_lcm::readings_t readings{};
+  readings.names = {"wall_force_largest_mN", "safe_success"};
+  readings.values = {20, std::numeric_limits<double>::quiet_NaN()};
+  readings.count = 2;
+  const nlohmann::json values = nlohmann::json::parse(ReadingsText(readings)).at("values");
+  CHECK(values.at("wall_force_largest_mN") == 20);
+  CHECK(values.at("safe_success").is_null());
+}
+
 TEST_CASE("Controls are taken only as the page sends them") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto controls = ReadControls(Bytes(3, 40, -3, 0.5F, 0));

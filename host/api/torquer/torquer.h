@@ -173,7 +173,7 @@ struct Contact {
 
 struct Reading {
   std::string name;  ///< ends with its unit, as in force_tip_mN
-  double value = 0;
+  double value = 0;  ///< NaN: not known
 };
 
 /// Forces along the wire at every node (node 0 is at the entry point).

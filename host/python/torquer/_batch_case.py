@@ -111,7 +111,9 @@ def run(case: Case) -> Result:
     }
     for name, values in readings.items():
         table[name] = values[-1]
-        table[f"largest.{name}"] = max(values)
+        table[f"largest.{name}"] = max((value for value in values if not math.isnan(value)), default=math.nan)
+    # JSON has no NaN; a value that is not known is null there.
+    table = {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in table.items()}
     of_instruments = ("insertion_mm", "rotation_rad", "tip_x_mm", "tip_y_mm", "tip_z_mm")
     moves = ["time_s", *(f"{name}.{what}" for name in names for what in of_instruments)]
     series = np.column_stack([np.array(moved), *(np.array(values) for values in readings.values())])

@@ -304,5 +304,7 @@ class Store:
 
 
 def _cell(value: Any) -> str:
+    if value is None:
+        return ""
     text = value if isinstance(value, str) else json.dumps(value)
     return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text

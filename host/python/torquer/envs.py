@@ -224,8 +224,8 @@ class NavigationEnv(_Env):  # type: ignore[misc]
     for all motions.
 
     Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has
-    "success" (the target was reached), "safe_success" (and no force was above the limit),
-    "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, and "time_s".
+    "success" (the target was reached), "safe_success" (and no force was above the limit; None if
+    forces that did not converge decide it), "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, and "time_s".
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -271,7 +271,7 @@ class NavigationEnv(_Env):  # type: ignore[misc]
         return self._observe(), self._info(self._navigation.facts)
 
     def step(self, action: npt.ArrayLike) -> Tuple[Array, float, bool, bool, Dict[str, Any]]:
-        """Moves the hands for Task.step_s."""
+        """Moves the hands for Task.step_s. Before a reset, and after the end, this is an error."""
         self._navigation.step(action)
         facts = self._navigation.facts
         return self._observe(), facts[0], facts[1] != 0, facts[2] != 0, self._info(facts)
@@ -295,7 +295,7 @@ class NavigationEnv(_Env):  # type: ignore[misc]
     def _info(facts: List[float]) -> Dict[str, Any]:
         info: Dict[str, Any] = dict(zip(_INFO, facts[3:]))
         info["success"] = facts[3] != 0
-        info["safe_success"] = facts[4] != 0
+        info["safe_success"] = None if math.isnan(facts[4]) else facts[4] != 0
         return info
 
 
@@ -321,7 +321,8 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
 
     Each gives the same as a NavigationEnv with the same seed and actions, bit for bit, for any
     number of threads. The step after the end of an episode only resets its environment, ignores the
-    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays.
+    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays. Where
+    "_safe_success" is False, "safe_success" is not known.
 
     step() is send() and recv(), which may be called separately. send() starts some of the
     environments, and recv() returns those that finish first, while the others go on.
@@ -371,6 +372,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
             self.metadata = {**self.metadata, "autoreset_mode": modes.NEXT_STEP}
         self._observations = np.zeros((count, *single.shape), single.dtype)
         self._facts = np.zeros((3 + len(_INFO), count))
+        self._begun = False  # True after the first reset
         self._ended = np.zeros(count, bool)
         self._at_work = np.zeros(count, bool)
         self._randoms = [np.random.default_rng() for _ in range(count)]
@@ -408,6 +410,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         for k, random in enumerate(self._randoms):
             self._pool.reset(k, _rotation(random, chosen))
             self._at_work[k] = True
+        self._begun = True
         observations, _, _, _, info = self.recv()
         return observations, info
 
@@ -417,7 +420,8 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         return self.recv()
 
     def send(self, actions: npt.ArrayLike, ids: Optional[npt.ArrayLike] = None) -> None:
-        """Starts a step of the environments `ids`, or of all, and returns at once."""
+        """Starts a step of the environments `ids`, or of all, and returns at once. Before the first
+        reset() this is an error."""
         try:
             which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
             rows = np.asarray(actions, float)
@@ -433,6 +437,8 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
             raise Error("actions hold a number that is not finite; give -1 to 1")
         if len(np.unique(which)) != len(which) or ((which < 0) | (which >= self.num_envs)).any():
             raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
+        if not self._begun:
+            raise Error("the environments have not begun; call reset() before step() or send()")
         if self._at_work[which].any():
             raise Error("an environment is running already; call recv() before the next send()")
         ended = self._ended[which]
@@ -460,7 +466,9 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         observations = self._observations if everything and not self.copy else self._observations[ids]
         info: Dict[str, Any] = dict(zip(_INFO, facts[3:]))
         info["success"] = facts[3] != 0
-        info["safe_success"] = facts[4] != 0
+        info["safe_success"] = facts[4] == 1
+        # Gymnasium's mask: False where the value is not known.
+        info["_safe_success"] = ~np.isnan(facts[4])
         info["env_id"] = ids
         terminated, truncated = facts[1] != 0, facts[2] != 0
         self._ended[ids] = terminated | truncated

@@ -38,6 +38,12 @@ InstrumentPoses Left(const InstrumentPoses& goal, const InstrumentPoses& here) {
 
 }  // namespace
 
+double Relaxation::EnergyMJ(const WireState& state) const {
+  double energy_mJ = Current().energy_mJ - Current().dissipated_mJ;
+  for (int c = 0; c < state.curves(); ++c) energy_mJ += stack_.MutualEnergyMJ(c, state.curve(c));
+  return energy_mJ;
+}
+
 TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, WireState& state) {
   TickReport report;
   const Eigen::Vector3d tip_before = state.tip();
@@ -61,6 +67,7 @@ TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, W
   }
   const bool settled = at_rest && Arrived(goal, state);
   End(state, settled, report);
+  report.energy_mJ = EnergyMJ(state);
 
   report.converged = report.converged && at_rest;
   report.budget_spent = !settled;

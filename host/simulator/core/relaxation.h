@@ -53,7 +53,7 @@ struct TickReport {
   /// Remaining motion of each instrument, positive if the hand is ahead. Insertion targets are
   /// limited to 0 .. the instrument's length.
   InstrumentPoses carried;
-  double energy_mJ = 0;      ///< of bending, wall and effects, without the dissipated part
+  double energy_mJ = 0;      ///< Relaxation::EnergyMJ: bending, wall and effects
   double dissipated_mJ = 0;  ///< of terms with EnergyTerm::Dissipates
   double residual = 0;       ///< largest out-of-balance moment over the local EI/(1 mm)
   double max_penetration_mm = 0;
@@ -95,6 +95,9 @@ class Relaxation {
   virtual void Restart(WireState& state) = 0;
   /// Quadratic model at the state after the last Tick or Restart: contacts, gradient.
   virtual const QuadraticModel& Current() const = 0;
+  /// Energy of bending, wall and terms at that state, without the dissipated part, mJ. Other than
+  /// that of the quadratic model it has the part of a stack that acts on no shape (README (38)).
+  double EnergyMJ(const WireState& state) const;
   /// Estimated distance of a node from its fully relaxed position, mm, after the last Tick or
   /// Restart. It is the largest displacement of the next Newton step. NaN if the method cannot
   /// estimate it, or if the state is near no minimum. Costs about a third of an iteration; changes
@@ -147,7 +150,7 @@ class Relaxation {
   /// Performs one unit of relaxing.
   virtual void Relax(WireState& state, TickReport& report) = 0;
   /// Called last. `settled`: all instruments have arrived, and relaxing has ended. From here on
-  /// Current() must belong to the state.
+  /// Current() must belong to the state; Tick takes the energy from it.
   virtual void End(const WireState& state, bool settled, TickReport& report) = 0;
 
   std::optional<InstrumentStack> lone_;

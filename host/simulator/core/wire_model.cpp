@@ -100,10 +100,12 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints, int tip_segments
   rigidity_.resize(count);
   radius_.resize(count);
   rest_direction_.resize(count);
+  mutual_mJ_.resize(count);
   first_straight_ = 0;
   for (std::size_t k = 0; k < count; ++k) {
     rigidity_[k] = joints[k].rigidity_N_mm2;
     radius_[k] = joints[k].radius_mm;
+    mutual_mJ_[k] = joints[k].mutual_mJ;
     rest_direction_[k] = BentDirection(joints[k].rest_rad);
     if (!joints[k].rest_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
   }

@@ -40,6 +40,9 @@ class WireModel {
     double rigidity_N_mm2;
     double radius_mm;
     Eigen::Vector2d rest_rad;  ///< rest angle, towards first and second normal
+    /// Energy of a whole joint with which instruments of different rest bend each other
+    /// (README (38)). It changes with their poses only; 0 for instruments that twist.
+    double mutual_mJ = 0;
   };
   /// Replaces all joints. Instruments that slide within each other need this after a move, because
   /// their sum changes (stack/instrument_stack.h). Joint k is `from_tip` k; the last continues
@@ -86,6 +89,10 @@ class WireModel {
   /// EI of the joint `from_tip` segments from the distal end, N mm^2.
   double rigidity_N_mm2(int from_tip) const { return rigidity_[Clamp(from_tip)]; }
   double radius_mm(int from_tip) const { return radius_[Clamp(from_tip)]; }
+  /// Joint::mutual_mJ of the joint `from_tip` segments from the distal end; 0 for a lone wire.
+  double mutual_mJ(int from_tip) const {
+    return mutual_mJ_.empty() ? 0 : mutual_mJ_[Clamp(from_tip)];
+  }
   /// True if the wire twists under a torque. Otherwise its distal end turns like the proximal one.
   bool twists() const { return !torsional_rigidity_.empty(); }
   /// Number of spins of a segment: 0 without twist, 1 for a lone wire that twists. A stack that
@@ -130,6 +137,7 @@ class WireModel {
   Eigen::Vector3d sheath_normal_;
   std::vector<double> rigidity_;
   std::vector<double> radius_;
+  std::vector<double> mutual_mJ_;           // empty for a lone wire
   std::vector<double> torsional_rigidity_;  // empty for a wire that does not twist
   std::vector<TwistingJoint> twisting_;     // for a stack that twists
   int stack_spins_ = 0;

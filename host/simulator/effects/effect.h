@@ -115,7 +115,7 @@ struct TickView {
 /// Number found by an effect, for display and records.
 struct Reading {
   std::string name;  ///< ends with the unit, as in force_tip_mN
-  double value = 0;
+  double value = 0;  ///< NaN: not known
 };
 
 /// Role *timed*: gets the duration of the tick before its relaxation.

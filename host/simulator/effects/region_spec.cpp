@@ -100,13 +100,14 @@ const Keys<RegionSpec>& RegionKeys() {
                   "arc length along the centerline at which the stretch ends")
           .Otherwise("unset: the region is not a side of a plane")
           .Point("side_of_mm", &RegionSpec::side_of_mm, "mm",
-                 "point on the plane that bounds the region")
+                 "point on the plane that bounds the region, edge included")
           .Otherwise("unset: the region is not a side of a plane")
           .Direction("side", &RegionSpec::side,
                      "direction from the plane into the region, normal to the plane")
           .Otherwise("half of radius_mm")
           .Number("edge_mm", &RegionSpec::edge_mm, 0.01, 1000, "mm",
-                  "width of the region's soft edge, over which its weight falls from 1 to 0")
+                  "width of the soft edge, over which the weight falls from 1 to 0: outside the "
+                  "radius of a ball or a stretch, but inside a side, where it is 0 at the plane")
           .Checked(CheckShape)
           .Example(
               "centerline = \"lad\"\n"

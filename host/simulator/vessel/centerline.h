@@ -148,7 +148,8 @@ struct OutsideStretch {
   double worst_clearance_mm = 0;  ///< the smallest clearance on it
 };
 
-/// Stretches of a network's curves outside the lumen (clearance <= 0), sampled every step_mm.
+/// Stretches of a network's curves outside the lumen (clearance <= 0), sampled every step_mm. Their
+/// ends are exact within 0.01 mm.
 std::vector<OutsideStretch> FindStretchesOutside(const CenterlineNetwork& network,
                                                  const ClearanceField& field, double step_mm = 1);
 

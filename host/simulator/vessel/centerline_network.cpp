@@ -309,20 +309,41 @@ CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& fie
           static_cast<double>(steps - last) * step};
 }
 
+namespace {
+
+// Arc length of the wall between one inside the lumen and one outside it, mm.
+template <class Clearance>
+double WallBetween(double inside_mm, double outside_mm, const Clearance& clearance_at) {
+  constexpr double kExactMm = 0.01;
+  while (std::abs(outside_mm - inside_mm) > kExactMm) {
+    const double middle_mm = (inside_mm + outside_mm) / 2;
+    (clearance_at(middle_mm) > 0 ? inside_mm : outside_mm) = middle_mm;
+  }
+  return outside_mm;
+}
+
+}  // namespace
+
 std::vector<OutsideStretch> FindStretchesOutside(const CenterlineNetwork& network,
                                                  const ClearanceField& field, double step_mm) {
   std::vector<OutsideStretch> stretches;
   for (const Centerline& curve : network.curves()) {
     bool outside = false;
     const int steps = std::max(1, static_cast<int>(std::ceil(curve.length_mm() / step_mm)));
+    const auto clearance_at = [&](double s) { return field.Clearance(curve.At(s).position_mm); };
     for (int i = 0; i <= steps; ++i) {
       const double s = curve.length_mm() * i / steps;
-      const double clearance = field.Clearance(curve.At(s).position_mm);
+      const double before = curve.length_mm() * std::max(i - 1, 0) / steps;
+      const double clearance = clearance_at(s);
       if (clearance > 0) {
+        if (outside) stretches.back().to_mm = WallBetween(s, before, clearance_at);
         outside = false;
         continue;
       }
-      if (!outside) stretches.push_back({curve.name(), s, s, clearance});
+      if (!outside) {
+        const double from_mm = i == 0 ? 0 : WallBetween(before, s, clearance_at);
+        stretches.push_back({curve.name(), from_mm, s, clearance});
+      }
       outside = true;
       stretches.back().to_mm = s;
       stretches.back().worst_clearance_mm =

@@ -35,6 +35,8 @@ constexpr double kMovePerDiagonal = 5e-6;
 constexpr int kAttempts = 3;
 // Share of a surface that counts as rounding.
 constexpr double kNoShare = 1e-9;
+// Share of it below which nothing is said: a percentage would have no digit after rounding.
+constexpr double kLeastSaid = 1e-6;
 // A region is a sheet if its winding numbers deviate on average more than this from integers.
 constexpr double kSheet = 0.25;
 constexpr size_t kSamples = 64;
@@ -333,14 +335,14 @@ void Report(const United& united, const TriangleMesh& before,
         repair::Count(cuts.size(), "pair", "pairs") + " of faces intersect, the first at " +
         Place(before.Centroid(cuts.front().first)) + ": divided where they meet.");
   }
-  if (verdict.within > kNoShare * verdict.total) {
+  if (verdict.within > kLeastSaid * verdict.total) {
     report.findings.push_back(
         Number(100 * verdict.within / verdict.total) +
         " % of the surface lay within the lumen of another part of it, for instance at " +
         Place(mesh.Centroid(verdict.where_within)) +
         ": left out; the lumen is the union of the enclosed volumes.");
   }
-  if (verdict.inverted > kNoShare * verdict.total) {
+  if (verdict.inverted > kLeastSaid * verdict.total) {
     report.findings.push_back(Number(100 * verdict.inverted / verdict.total) +
                               " % of the surface is folded over and inside out, for instance at " +
                               Place(mesh.Centroid(verdict.where_inverted)) + ": left out.");

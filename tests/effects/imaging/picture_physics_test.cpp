@@ -86,6 +86,36 @@ TEST_CASE("Dye in a thin vessel keeps its iodine wherever it lies", "[effects]")
   CHECK(worst_section < 0.02);
 }
 
+TEST_CASE("A marker is painted as long as it is, wherever segments end", "[effects]") {
+  // Darkness of a picture in which only the marker attenuates. It grows with the marker's volume.
+  const auto darkness = [](double marker_mm, double segment_mm, double insertion_mm) {
+    SceneOf scene(kStraight + "attenuation_1_mm = 0\nmarker_1_mm = 1\nmarker_mm = " +
+                  std::to_string(marker_mm) +
+                  "\n[relaxation]\nsegment_mm = " + std::to_string(segment_mm) +
+                  "\n[effects.fluoroscopy]\nwidth_px = 256\nheight_px = 65\nphotons = 1e7\n"
+                  "detector_mm = 60\nbody_width_mm = 0\nisocenter_mm = [35, 0, 0]\ngain = 0.5\n");
+    Simulation session(*scene);
+    Command command = WithXray(0.1, true);
+    command.target[0].insertion_mm = insertion_mm;
+    torquer::CountedBudget budget(1000);
+    session.Tick(command, budget);
+    ImageSource::Picture picture;
+    session.image()->Render(picture);
+    double sum = 0;
+    for (const std::uint8_t gray : picture.gray) sum += picture.gray.front() - gray;
+    return sum;
+  };
+  // A longer marker adds wire of the same darkness per length.
+  const double per_mm = (darkness(16, 0.5, 40) - darkness(8, 0.5, 40)) / 8;
+  REQUIRE(per_mm > 0);
+  for (const double segment_mm : {0.5, 1.0, 1.7, 3.0, 5.0}) {
+    for (const double insertion_mm : {40.0, 40.3, 41.21, 42.9}) {
+      INFO("segments of " << segment_mm << " mm, inserted " << insertion_mm << " mm");
+      CHECK(darkness(2, segment_mm, insertion_mm) / per_mm == Approx(2).epsilon(0.03));
+    }
+  }
+}
+
 TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background says", "[effects]") {
   // Gray value behind dye in a wide tube, in a picture nearly without noise.
   const auto gray = [](const std::string& more, bool contrast) {

@@ -136,6 +136,54 @@ TEST_CASE("The time of fluoroscopy is that with the pedal down") {
   CHECK(trainee["fluoroscopy_s"] == Approx(4));
 }
 
+TEST_CASE("A session in which no tick converges has no result of tip or force") {
+  Trainee trainee;
+  trainee.report.converged = false;
+  trainee.Go({100, 0, 0}, 100, 10);
+  for (const char* name :
+       {"tip_path_mm", "tip_path_ratio", "wrong_vessel_entries", "wall_force_max_mN",
+        "wall_impulse_mNs", "target_reached", "target_reached_s", "safe_success"}) {
+    INFO(name);
+    CHECK(std::isnan(trainee[name]));
+  }
+  // The hand needs no relaxation.
+  CHECK(trainee["procedure_s"] == Approx(10));
+  CHECK(trainee["retractions"] == 0);
+  CHECK(trainee["mean_speed_mm_s"] == Approx(10).epsilon(0.02));
+}
+
+TEST_CASE("A tip in a tick that did not converge reaches nothing and enters no vessel") {
+  Trainee trainee;
+  trainee.Go({50, 0, 0}, 50, 5);
+  trainee.report.converged = false;
+  trainee.Go({50, 20, 0}, 50, 1);
+  trainee.Go({100, 0, 0}, 50, 1);
+  trainee.Go({51, 0, 0}, 50, 1);
+  trainee.report.converged = true;
+  trainee.Go({60, 0, 0}, 60, 1);
+  CHECK(trainee["target_reached"] == 0);
+  CHECK(trainee["safe_success"] == 0);
+  CHECK(trainee["wrong_vessel_entries"] == 0);
+  CHECK(trainee["tip_path_mm"] == Approx(60).epsilon(0.02));
+}
+
+TEST_CASE("A force above the limit that never converged leaves the safety unknown") {
+  Trainee trainee;
+  trainee.Go({50, 0, 0}, 50, 1);
+  trainee.report.converged = false;
+  trainee.quadratic.points = PressedPoint(0.06);
+  trainee.Go({50, 0, 0}, 50, 0.1);
+  trainee.report.converged = true;
+  trainee.quadratic.points = PointSet();
+  CHECK(trainee["safe_success"] == 0);  // not yet reached
+  trainee.Go({100, 0, 0}, 100, 1);
+  CHECK(trainee["target_reached"] == 1);
+  CHECK(std::isnan(trainee["safe_success"]));
+  trainee.quadratic.points = PressedPoint(0.06);
+  trainee.Go({100, 0, 0}, 100, 0.1);
+  CHECK(trainee["safe_success"] == 0);
+}
+
 TEST_CASE("Success above the force limit is not safe") {
   Trainee trainee;
   // One contact of 60 mN during the motion.

@@ -71,8 +71,8 @@ TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
   CHECK(force.events() == 1);
   CHECK(force.seconds_above() == 1);
   force.Restart();
-  CHECK(force.largest_ever_mN() == 0);
-  CHECK(force.impulse_mNs() == 0);
+  CHECK(std::isnan(force.largest_ever_mN()));
+  CHECK(std::isnan(force.impulse_mNs()));
 }
 
 // Vessel with a part of its wall moved outwards.
@@ -221,6 +221,47 @@ TEST_CASE("An event begins above the threshold, and keeps its largest force") {
   force.Restart();
   CHECK(force.event_began_s() == -1);
   CHECK(force.event_mN() == 0);
+}
+
+TEST_CASE("Measures over the session are unknown until a tick has converged") {
+  const WireModel model = MakeWire({});
+  const WireState state(model);
+  QuadraticModel quadratic;
+  quadratic.points = PressedPoint(0.03);
+  const effects::Controls controls;
+  const InstrumentPoses target;
+  TickReport report;
+  effects::WallForce force({.threshold_mN = 10});
+  const auto observe = [&] {
+    force.Observe({.time_s = 1,
+                   .step_s = 0.25,
+                   .controls = controls,
+                   .target = target,
+                   .state = state,
+                   .quadratic = quadratic,
+                   .report = report});
+  };
+  const auto is_known = [&force](const std::string& name) {
+    return !std::isnan(ReadingOf(force, name));
+  };
+  for (int k = 0; k < 3; ++k) observe();
+  for (const char* name :
+       {"wall_force_largest_ever_mN", "wall_tip_pressure_ever_kPa", "wall_force_impulse_mNs",
+        "wall_force_events", "wall_force_above_s", "wall_force_event_s", "wall_force_event_mN"}) {
+    INFO(name);
+    CHECK_FALSE(is_known(name));
+  }
+  CHECK(ReadingOf(force, "wall_force_largest_mN") == Approx(30));
+  CHECK(ReadingOf(force, "wall_force_unconverged_s") == 0.75);
+  quadratic.points = PressedPoint(0.005);
+  report.converged = true;
+  observe();
+  CHECK(ReadingOf(force, "wall_force_largest_ever_mN") == Approx(5));
+  CHECK(ReadingOf(force, "wall_force_events") == 0);
+  CHECK(ReadingOf(force, "wall_force_event_s") == -1);
+  CHECK_FALSE(is_known("wall_force_event_mN"));
+  force.Restart();
+  CHECK_FALSE(is_known("wall_force_largest_ever_mN"));
 }
 
 TEST_CASE("The force of a patch does not depend on how finely the wire is cut") {

@@ -370,7 +370,6 @@ void NewtonMethod<Sweep>::End(const WireState& /*state*/, bool settled, TickRepo
   const QuadraticModel& current = memory_.current;
   report.converged = memory_.up_to_date && current.residual <= settings_.tolerance;
   report.stalled = memory_.stalled();
-  report.energy_mJ = current.energy_mJ - current.dissipated_mJ;
   report.dissipated_mJ = current.dissipated_mJ;
   report.residual = current.residual;
   report.max_penetration_mm = current.max_penetration_mm;

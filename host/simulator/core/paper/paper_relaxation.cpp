@@ -147,7 +147,6 @@ void PaperRelaxation::End(const WireState& state, bool /*settled*/, TickReport& 
   BringUpToDate(state);
   report.updates = physical_.updates() - updates_before_;
   report.converged = current_.residual <= settings_.tolerance;
-  report.energy_mJ = current_.energy_mJ;
   report.residual = current_.residual;
   report.max_penetration_mm = current_.max_penetration_mm;
 }

@@ -93,7 +93,6 @@ void PredecessorRelaxation::End(const WireState& state, bool /*settled*/, TickRe
   up_to_date_ = true;
   report.updates = physical_.updates() - updates_before_;
   report.converged = current_.residual <= settings_.tolerance;
-  report.energy_mJ = current_.energy_mJ;
   report.residual = current_.residual;
   report.max_penetration_mm = current_.max_penetration_mm;
 }

@@ -304,7 +304,9 @@ void InstrumentStack::CombineRod(const Members& members, int first, int count, W
       joint.radius_mm +=
           std::min(beyond_mm / lambda, 1.0) * std::max(0.0, added_mm - joint.radius_mm);
     }
-    if (!twisting_.empty()) {
+    if (twisting_.empty()) {
+      joint.mutual_mJ = MutualOf(members, count, integral);
+    } else {
       CombineTwists(members, count, integral, from_tip_mm, twisting_[k]);
     }
   }
@@ -314,6 +316,34 @@ void InstrumentStack::CombineRod(const Members& members, int first, int count, W
   } else {
     rod.ReplaceJoints(joints_, twisting_, first, count, tip_segments);
   }
+}
+
+// Adds (38) over the pairs, each turned by its hands.
+double InstrumentStack::MutualOf(const Members& members, int count,
+                                 const JointIntegrals& integrals) {
+  double energy_mJ = 0;
+  for (std::size_t b = 0; b < static_cast<std::size_t>(count); ++b) {
+    for (std::size_t a = 0; a < b; ++a) {
+      const JointIntegrals::Pair& pair = integrals.pairs[a][b];
+      if (pair.constant_mJ == 0) continue;  // both are straight
+      const Eigen::Vector2d& of_a = members[a].turn;
+      const Eigen::Vector2d& of_b = members[b].turn;
+      const double sine = of_a[0] * of_b[1] - of_a[1] * of_b[0];
+      energy_mJ += pair.constant_mJ - pair.along_mJ * of_a.dot(of_b) - pair.across_mJ * sine;
+    }
+  }
+  return energy_mJ;
+}
+
+double InstrumentStack::MutualEnergyMJ(int number, const Curve& curve) const {
+  if (combined_.empty()) return 0;
+  const WireModel& model = rod(number);
+  double energy_mJ = 0;
+  for (int i = 0; i < curve.segments(); ++i) {
+    const double fraction = JointLength(model, curve, i) / model.segment_mm();
+    energy_mJ += fraction * model.mutual_mJ(curve.segments() - i);
+  }
+  return energy_mJ;
 }
 
 void InstrumentStack::CombineTwists(const Members& members, int count,

@@ -106,6 +106,10 @@ class InstrumentStack {
   /// Sets the rods to the combined instruments at `poses`. O(segments), no heap; does nothing for
   /// a lone wire.
   void Combine(const InstrumentPoses& poses);
+  /// Energy with which the instruments of a curve bend each other at the poses of the last Combine,
+  /// mJ. It acts on no shape, so the rod does not have it. 0 if they twist: then their spins have
+  /// it.
+  double MutualEnergyMJ(int number, const Curve& curve) const;
 
  private:
   // An instrument in a rod, and the distance of its tip behind the rod's end.
@@ -122,6 +126,7 @@ class InstrumentStack {
   }
   int Gather(const InstrumentPoses& poses, Range range, double end_mm, Members& members) const;
   void CombineRod(const Members& members, int first, int count, WireModel& rod);
+  static double MutualOf(const Members& members, int count, const JointIntegrals& integrals);
   void CombineTwists(const Members& members, int count, const JointIntegrals& integrals,
                      double from_tip_mm, WireModel::TwistingJoint& joint) const;
 

@@ -98,8 +98,40 @@ Vector3d FrameTaker::OrgansNow() const {
   return offset.value;
 }
 
+// Goes along one polyline from the instrument's tip, by the distance from it. Two points lie at the
+// proximal end of the marker, so that no segment has both attenuations.
+void FrameTaker::TakeBody(const Instrument& instrument, std::vector<WirePoint>& body) const {
+  const auto radius_mm = [&instrument](double from_tip_mm) {
+    const WireModel& model = *instrument.model;
+    return model.radius_mm(static_cast<int>(std::lround(from_tip_mm / model.segment_mm())));
+  };
+  const double marker_mm = instrument.marker_mm;
+  body.clear();
+  double from_tip_mm = 0;
+  for (std::size_t i = nodes_.size(); i-- > 0;) {
+    if (i + 1 < nodes_.size()) {
+      const double length_mm = (nodes_[i + 1] - nodes_[i]).norm();
+      const double rest_mm = marker_mm - from_tip_mm;
+      from_tip_mm += length_mm;
+      if (rest_mm > 0 && rest_mm <= length_mm) {
+        const double part = rest_mm / length_mm;
+        const WirePoint end{nodes_[i + 1] + part * (nodes_[i] - nodes_[i + 1]),
+                            radius_mm(marker_mm), 0};
+        for (const double attenuation_1_mm :
+             {instrument.marker_1_mm, instrument.attenuation_1_mm}) {
+          body.push_back(end);
+          body.back().attenuation_1_mm = attenuation_1_mm;
+        }
+      }
+    }
+    const bool marked = from_tip_mm < marker_mm;
+    body.push_back({nodes_[i], radius_mm(from_tip_mm),
+                    marked ? instrument.marker_1_mm : instrument.attenuation_1_mm});
+  }
+  std::reverse(body.begin(), body.end());
+}
+
 void FrameTaker::TakeInstruments(const WireState& state, XrayFrame& frame) {
-  constexpr double kRoundingMm = 1e-6;
   std::size_t shadows = 0;
   const auto next = [&]() -> std::vector<WirePoint>& {
     if (frame.shadows.size() == shadows) frame.shadows.emplace_back();
@@ -107,21 +139,9 @@ void FrameTaker::TakeInstruments(const WireState& state, XrayFrame& frame) {
   };
   for (std::size_t k = instruments_.size(); k-- > 0;) {
     const Instrument& instrument = instruments_[k];
-    // Goes along one polyline, by the distance of each node from the instrument's tip.
     const int number = static_cast<int>(k);
     TakeNodes(wire_, state.CurveOf(number), state.poses()[number].insertion_mm, nodes_);
-    std::vector<WirePoint>& body = next();
-    body.resize(nodes_.size());
-    double from_tip_mm = 0;
-    for (std::size_t i = nodes_.size(); i-- > 0;) {
-      if (i + 1 < nodes_.size()) from_tip_mm += (nodes_[i + 1] - nodes_[i]).norm();
-      const int from_tip =
-          static_cast<int>(std::lround(from_tip_mm / instrument.model->segment_mm()));
-      const bool marked =
-          instrument.marker_mm > 0 && from_tip_mm <= instrument.marker_mm + kRoundingMm;
-      body[i] = {nodes_[i], instrument.model->radius_mm(from_tip),
-                 marked ? instrument.marker_1_mm : instrument.attenuation_1_mm};
-    }
+    TakeBody(instrument, next());
     if (instrument.inner_radius_mm == 0) continue;
     std::vector<WirePoint>& lumen = next();
     lumen = frame.shadows[shadows - 2];

@@ -76,6 +76,7 @@ class FrameTaker {
 
   bool IsDue(const TickView& tick);
   Eigen::Vector3d OrgansNow() const;
+  void TakeBody(const Instrument& instrument, std::vector<WirePoint>& body) const;
   void TakeInstruments(const WireState& state, XrayFrame& frame);
   void TakeDye(XrayFrame& frame);
 

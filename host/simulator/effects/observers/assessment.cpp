@@ -1,6 +1,7 @@
 #include "host/simulator/effects/observers/assessment.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "host/support/error.h"
@@ -16,6 +17,7 @@ constexpr double kLookEveryS = 0.02;
 // Excess distance, mm: the tip is in another vessel if it is farther from the route than the
 // route's radius plus this.
 constexpr double kOffRouteMm = 2;
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -26,6 +28,7 @@ void Assessment::CopyFrom(const Effect& twin) {
   xray_s_ = from.xray_s_;
   path_mm_ = from.path_mm_;
   tip_ = from.tip_;
+  any_converged_ = from.any_converged_;
   since_look_s_ = from.since_look_s_;
   off_route_ = from.off_route_;
   wrong_vessels_ = from.wrong_vessels_;
@@ -43,7 +46,7 @@ void Assessment::Restart() {
   speed_ = SpeedTrace();
   time_s_ = xray_s_ = path_mm_ = since_look_s_ = 0;
   furthest_mm_ = nearest_mm_ = retracted_mm_ = insertion_mm_ = 0;
-  off_route_ = retracting_ = begun_ = false;
+  off_route_ = retracting_ = begun_ = any_converged_ = false;
   wrong_vessels_ = retractions_ = 0;
   tip_.reset();
   reached_s_.reset();
@@ -56,7 +59,13 @@ void Assessment::Observe(const TickView& tick) {
   CountRetractions(insertion_mm);
   speed_.Add(tick.time_s, insertion_mm);
   const Eigen::Vector3d& tip = tick.state.Farthest().tip();
-  FollowTip(moving_ == nullptr ? tip : moving_->AtRest(tip), tick.step_s);
+  const Eigen::Vector3d at_rest = moving_ == nullptr ? tip : moving_->AtRest(tip);
+  // The wire at the start has been relaxed, but its tick has no report.
+  if (!tip_) tip_ = at_rest;
+  since_look_s_ += tick.step_s;
+  if (!tick.report.converged) return;
+  any_converged_ = true;
+  FollowTip(at_rest);
 }
 
 void Assessment::CountRetractions(double insertion_mm) {
@@ -82,14 +91,12 @@ void Assessment::CountRetractions(double insertion_mm) {
   }
 }
 
-void Assessment::FollowTip(const Eigen::Vector3d& tip, double step_s) {
-  if (!tip_) tip_ = tip;
+void Assessment::FollowTip(const Eigen::Vector3d& tip) {
   const double moved_mm = (tip - *tip_).norm();
   if (moved_mm >= kPathStepMm) {
     path_mm_ += moved_mm;
     tip_ = tip;
   }
-  since_look_s_ += step_s;
   if (since_look_s_ < kLookEveryS) return;
   since_look_s_ = 0;
   const vessel::Centerline::Nearest nearest = task_.route.NearestTo(tip);
@@ -105,24 +112,30 @@ void Assessment::FollowTip(const Eigen::Vector3d& tip, double step_s) {
   if (!reached_s_ && (tip - target).norm() <= task_.target_radius_mm) reached_s_ = time_s_;
 }
 
+// A force above the limit in a tick that did not converge leaves the safety unknown.
+double Assessment::SafeSuccess() const {
+  if (!target_reached() || force_.largest_ever_mN() > task_.force_limit_mN) return 0;
+  return force_.largest_unconverged_mN() > task_.force_limit_mN ? kUnknown : 1;
+}
+
 std::vector<Reading> Assessment::Readings() const {
-  const bool safe = force_.largest_ever_mN() <= task_.force_limit_mN;
+  const auto of_tip = [this](double value) { return any_converged_ ? value : kUnknown; };
   const double route_mm = task_.route.length_mm();
   return {{"procedure_s", time_s_},
           {"fluoroscopy_s", xray_s_},
-          {"tip_path_mm", path_mm_},
-          {"tip_path_ratio", path_mm_ / route_mm},
+          {"tip_path_mm", of_tip(path_mm_)},
+          {"tip_path_ratio", of_tip(path_mm_ / route_mm)},
           {"retractions", static_cast<double>(retractions_)},
           {"retracted_mm", retracted_mm_},
-          {"wrong_vessel_entries", static_cast<double>(wrong_vessels_)},
+          {"wrong_vessel_entries", of_tip(wrong_vessels_)},
           {"mean_speed_mm_s", speed_.mean_moving_mm_s()},
           {"submovements", static_cast<double>(speed_.submovements())},
           {"log_dimensionless_jerk", speed_.log_dimensionless_jerk()},
           {"wall_force_max_mN", force_.largest_ever_mN()},
           {"wall_impulse_mNs", force_.impulse_mNs()},
-          {"target_reached", target_reached() ? 1.0 : 0.0},
-          {"target_reached_s", reached_s_.value_or(-1)},
-          {"safe_success", target_reached() && safe ? 1.0 : 0.0}};
+          {"target_reached", of_tip(target_reached() ? 1 : 0)},
+          {"target_reached_s", of_tip(reached_s_.value_or(-1))},
+          {"safe_success", of_tip(SafeSuccess())}};
 }
 
 namespace {

@@ -19,6 +19,8 @@ struct AssessmentTask {
   int instrument = 0;           ///< the instrument whose hand is assessed
 };
 
+/// Measures of a session. The tip and the force count only in ticks that converged, so their
+/// measures are unknown (NaN) until then. The hand and the pedals count in all ticks.
 class Assessment final : public Effect, public Observer {
  public:
   /// `moving`: the moving vessel, or null; the tip's path is measured relative to it. It and
@@ -39,7 +41,8 @@ class Assessment final : public Effect, public Observer {
   double tip_path_mm() const { return path_mm_; }
 
  private:
-  void FollowTip(const Eigen::Vector3d& tip, double step_s);
+  void FollowTip(const Eigen::Vector3d& tip);
+  double SafeSuccess() const;
   void CountRetractions(double insertion_mm);
 
   const AssessmentTask task_;
@@ -50,6 +53,7 @@ class Assessment final : public Effect, public Observer {
   double xray_s_ = 0;
   double path_mm_ = 0;
   std::optional<Eigen::Vector3d> tip_;  // last point of the measured path
+  bool any_converged_ = false;
   double since_look_s_ = 0;
   bool off_route_ = false;
   int wrong_vessels_ = 0;

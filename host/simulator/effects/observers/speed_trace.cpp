@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace torquer::effects {
 
@@ -56,7 +57,7 @@ void SpeedTrace::AddSample(double position_mm) {
 }
 
 double SpeedTrace::log_dimensionless_jerk() const {
-  if (peak_ <= kRestingMmS) return 0;
+  if (peak_ <= kRestingMmS) return std::numeric_limits<double>::quiet_NaN();
   const double duration_s = static_cast<double>(samples_) * kStepS;
   return -std::log(std::pow(duration_s, 3) / (peak_ * peak_) * jerk_integral_);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 namespace torquer::effects {
 
@@ -13,15 +14,17 @@ class SpeedTrace {
   void Add(double time_s, double position_mm);
 
   double peak_mm_s() const { return peak_; }
-  /// Mean of |speed| over the time with |speed| above the resting speed of 0.5 mm/s; 0 without
+  /// Mean of |speed| over the time with |speed| above the resting speed of 0.5 mm/s; NaN without
   /// motion.
-  double mean_moving_mm_s() const { return moving_s_ > 0 ? moving_mm_ / moving_s_ : 0; }
+  double mean_moving_mm_s() const {
+    return moving_s_ > 0 ? moving_mm_ / moving_s_ : std::numeric_limits<double>::quiet_NaN();
+  }
   /// Number of separate movements: |speed| rises above 2 mm/s after it fell below half of the
   /// previous peak.
   int submovements() const { return submovements_; }
   /// Log dimensionless jerk of the speed v over the whole time T (Balasubramanian et al. 2015):
   ///   -ln( T^3 / v_peak^2  integral of (d2v/dt2)^2 dt );  a single minimum-jerk movement: -5.32.
-  /// Values nearer to zero are smoother. 0 before any motion.
+  /// Values nearer to zero are smoother. NaN before any motion.
   double log_dimensionless_jerk() const;
 
  private:

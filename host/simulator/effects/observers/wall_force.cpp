@@ -4,10 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
 namespace torquer::effects {
+
+namespace {
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+}  // namespace
 
 void WallForce::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const WallForce&>(twin);
@@ -19,6 +24,8 @@ void WallForce::CopyFrom(const Effect& twin) {
   tip_pressure_peak_kPa_ = from.tip_pressure_peak_kPa_;
   peak_mN_ = from.peak_mN_;
   impulse_mNs_ = from.impulse_mNs_;
+  any_converged_ = from.any_converged_;
+  unconverged_mN_ = from.unconverged_mN_;
   above_ = from.above_;
   events_ = from.events_;
   unconverged_s_ = from.unconverged_s_;
@@ -30,10 +37,10 @@ void WallForce::CopyFrom(const Effect& twin) {
 void WallForce::Restart() {
   largest_mN_ = sum_mN_ = tip_mN_ = pressure_kPa_ = tip_pressure_kPa_ = 0;
   peak_mN_ = tip_pressure_peak_kPa_ = impulse_mNs_ = seconds_above_ = event_mN_ = 0;
-  unconverged_s_ = 0;
+  unconverged_s_ = unconverged_mN_ = 0;
   event_began_s_ = -1;
   events_ = 0;
-  above_ = false;
+  above_ = any_converged_ = false;
 }
 
 // Adds a contact. Its point stands for the wire from the middle of the piece beyond it to that of
@@ -104,8 +111,10 @@ void WallForce::Observe(const TickView& tick) {
   FindForces(tick);
   if (!tick.report.converged) {
     unconverged_s_ += tick.step_s;
+    unconverged_mN_ = std::max(unconverged_mN_, largest_mN_);
     return;
   }
+  any_converged_ = true;
   peak_mN_ = std::max(peak_mN_, largest_mN_);
   tip_pressure_peak_kPa_ = std::max(tip_pressure_peak_kPa_, tip_pressure_kPa_);
   impulse_mNs_ += sum_mN_ * tick.step_s;
@@ -127,13 +136,13 @@ std::vector<Reading> WallForce::Readings() const {
           {"wall_line_load_mN_mm", line_load_mN_mm()},
           {"wall_pressure_kPa", pressure_kPa_},
           {"wall_tip_pressure_kPa", tip_pressure_kPa_},
-          {"wall_force_largest_ever_mN", peak_mN_},
-          {"wall_tip_pressure_ever_kPa", tip_pressure_peak_kPa_},
-          {"wall_force_impulse_mNs", impulse_mNs_},
-          {"wall_force_events", static_cast<double>(events_)},
-          {"wall_force_above_s", seconds_above_},
-          {"wall_force_event_s", event_began_s_},
-          {"wall_force_event_mN", event_mN_},
+          {"wall_force_largest_ever_mN", largest_ever_mN()},
+          {"wall_tip_pressure_ever_kPa", tip_pressure_ever_kPa()},
+          {"wall_force_impulse_mNs", impulse_mNs()},
+          {"wall_force_events", Counted(events_)},
+          {"wall_force_above_s", Counted(seconds_above_)},
+          {"wall_force_event_s", Counted(event_began_s_)},
+          {"wall_force_event_mN", events_ == 0 ? kUnknown : event_mN_},
           {"wall_force_unconverged_s", unconverged_s_}};
 }
 

@@ -1,6 +1,7 @@
 // Wall force: the contact force on the wall on a stretch of given length, in total, and at the tip.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
@@ -13,7 +14,7 @@ namespace torquer::effects {
 /// The force of a contact is that of a patch: the largest on any stretch of the wire with the patch
 /// length of the scene. So it does not depend on the segmentation of the wire. A tick that did not
 /// converge shows its forces, but they count for no peak, event or impulse. Its time is counted
-/// separately.
+/// separately. Peaks, events and impulse are NaN until a tick has converged.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
@@ -40,18 +41,29 @@ class WallForce final : public Effect, public Observer {
   /// Axial pressure at the tip, which may perforate a wall. It is the component along the wire's
   /// axis of the forces on the last patch, over the area of the wire's end, pi r^2.
   double tip_pressure_kPa() const { return tip_pressure_kPa_; }
-  double largest_ever_mN() const { return peak_mN_; }  ///< of a patch, since the start
-  double tip_pressure_ever_kPa() const { return tip_pressure_peak_kPa_; }  ///< since the start
-  double impulse_mNs() const { return impulse_mNs_; }  ///< of the sum, since the start
+  /// Largest force of a patch since the start; NaN if no tick has converged.
+  double largest_ever_mN() const { return Counted(peak_mN_); }
+  /// The same in ticks that did not converge; 0 without such ticks. It may be too large or too
+  /// small.
+  double largest_unconverged_mN() const { return unconverged_mN_; }
+  /// Since the start; NaN if no tick has converged.
+  double tip_pressure_ever_kPa() const { return Counted(tip_pressure_peak_kPa_); }
+  /// Integral of the sum since the start; NaN if no tick has converged.
+  double impulse_mNs() const { return Counted(impulse_mNs_); }
   int events() const { return events_; }  ///< number of times that the threshold was exceeded
   double seconds_above() const { return seconds_above_; }
   double event_began_s() const {
     return event_began_s_;
-  }                                              ///< of the newest event; -1 without an event
-  double event_mN() const { return event_mN_; }  ///< largest force of a patch in it
+  }  ///< of the newest event; -1 without an event
+  /// Largest force of a patch in it; 0 without an event.
+  double event_mN() const { return event_mN_; }
   double unconverged_s() const { return unconverged_s_; }  ///< total time of uncounted ticks
 
  private:
+  // Value of a measure over converged ticks; NaN without such a tick.
+  double Counted(double value) const {
+    return any_converged_ ? value : std::numeric_limits<double>::quiet_NaN();
+  }
   void FindForces(const TickView& tick);
   // Contacts of curves within each other, along the way from their farthest tip.
   struct Contacts {
@@ -75,6 +87,8 @@ class WallForce final : public Effect, public Observer {
   double tip_pressure_peak_kPa_ = 0;
   double peak_mN_ = 0;
   double impulse_mNs_ = 0;
+  bool any_converged_ = false;
+  double unconverged_mN_ = 0;
   bool above_ = false;
   int events_ = 0;
   double unconverged_s_ = 0;

@@ -53,9 +53,12 @@ void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folde
     spec.origin.Refuse("centerlines", error.what());
   }
   for (const OutsideStretch& stretch : FindStretchesOutside(vessel.centerlines, *vessel.field)) {
+    const std::string from = fmt::format("{:.1f}", stretch.from_mm);
+    const std::string to = fmt::format("{:.1f}", stretch.to_mm);
+    if (from == to) continue;
     vessel.findings.push_back(
-        fmt::format("centerline {} runs outside the lumen from {:g} to {:g} mm of its length",
-                    stretch.curve, stretch.from_mm, stretch.to_mm));
+        fmt::format("centerline {} runs outside the lumen from {} to {} mm of its length",
+                    stretch.curve, from, to));
   }
 }
 

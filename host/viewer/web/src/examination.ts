@@ -43,16 +43,18 @@ export class Examination {
     setText(this.task.firstElementChild!, "Target");
     setData(this.task, "level", "");
     // A real X-ray screen shows no distance.
-    const left = this.on ? "not reached" : `${short(leftMm)} mm from the tip`;
+    const unknown = readings?.values["target_reached"] === null;
+    const left = this.on ? (unknown ? "not known" : "not reached") : `${short(leftMm)} mm from the tip`;
     if (!reached) return setText(this.task.lastElementChild!, left);
-    const safe = readings.values["safe_success"] === 1;
+    const safe = readings.values["safe_success"] ?? null;
     const time = seconds(readings.values["target_reached_s"] ?? 0);
-    const most = readings.values["wall_force_max_mN"] ?? 0;
-    setData(this.task, "level", safe ? "good" : "warn");
-    setText(
-      this.task.lastElementChild!,
-      safe ? `reached after ${time}, safely` : `reached after ${time}; wall force ${short(most)} mN, above the limit of ${short(target.force_limit_mN)} mN`,
-    );
+    const most = short(readings.values["wall_force_max_mN"] ?? NaN);
+    setData(this.task, "level", safe === 1 ? "good" : "warn");
+    const mark =
+      safe === 1 ? ", safely"
+      : safe === null ? "; its safety is not known"
+      : `; wall force ${most} mN, above the limit of ${short(target.force_limit_mN)} mN`;
+    setText(this.task.lastElementChild!, `reached after ${time}${mark}`);
   }
 
   private showClock(reached: boolean, nowMs: number): void {

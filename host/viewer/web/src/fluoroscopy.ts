@@ -106,7 +106,7 @@ export class Fluoroscopy {
     }
     const row = (term: string, name: string, shown: (value: number) => string) => {
       const value = values[name];
-      return value === undefined ? null : this.dose.set(term, shown(value));
+      return value === undefined ? null : this.dose.set(term, value === null ? "not known" : shown(value));
     };
     row("Procedure", "procedure_s", seconds);
     row("X-ray", "fluoroscopy_s", seconds);

@@ -105,7 +105,7 @@ export interface Health {
 export interface Readings {
   kind: "readings";
   time_s: number;
-  values: Record<string, number>;
+  values: Record<string, number | null>; // null: not known
 }
 
 /** Settings of the X-ray system. Zero pulses and mode 0 select those of the scene. */

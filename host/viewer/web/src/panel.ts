@@ -117,7 +117,7 @@ export class Panel {
     figure("residual", this.residual);
     figure("penetration", this.penetrationUm);
     const force = readings?.values["wall_force_largest_mN"];
-    if (force !== undefined) figure("force", force);
+    if (force !== undefined) figure("force", force ?? NaN);
     const words = fresh ? Panel.words(this.status) : "";
     setText(this.solver, `Solver status: ${!fresh ? "no states" : words === "" ? "good" : words}`);
     setData(this.solver, "level", fresh && words === "" ? "" : "warn");

@@ -1,0 +1,56 @@
+"""Environments refuse the same steps alone and in a vector, and say if a result is not known."""
+
+import math
+
+import pytest
+import torquer
+import torquer.envs
+
+
+def test_safety_is_not_known_where_no_step_converged():
+    whole = torquer.Scene(torquer.scene_path("ty_phantom"))
+    text = torquer.envs._with_keys(whole.text, "relaxation", {"budget_units": 4})
+    scene = torquer.Scene.from_text(text, whole.folder)
+    task = torquer.envs.Task("main", 140.0, force_limit_mN=1e6, tolerance=1e-10)
+    env = torquer.envs.NavigationEnv(scene, task)
+    many = torquer.envs.VectorEnv(scene, 1, task=task)
+    env.reset(options={"rotation_rad": 0.0})
+    _, info = many.reset(options={"rotation_rad": 0.0})
+    assert info["_safe_success"].all()
+    for _ in range(400):
+        *_, terminated, truncated, info = env.step([1.0, 0.0])
+        *_, infos = many.step([[1.0, 0.0]])
+        if terminated or truncated:
+            break
+    assert info["success"] and info["safe_success"] is None
+    assert infos["success"][0] and not infos["safe_success"][0] and not infos["_safe_success"][0]
+
+
+def test_single_and_vector_refuse_the_same_steps():
+    task = torquer.envs.Task("side", 40.0, max_steps=2)
+    env = torquer.envs.NavigationEnv(torquer.scene_path("ty_phantom"), task)
+    many = torquer.envs.VectorEnv(torquer.scene_path("ty_phantom"), 1, task=task)
+    for step in (lambda: env.step([0.0, 0.0]), lambda: many.step([[0.0, 0.0]])):
+        with pytest.raises(torquer.Error, match="call reset"):
+            step()
+    env.reset(seed=1)
+    many.reset(seed=1)
+    for bad in (math.nan, math.inf, -math.inf):
+        for step in (lambda: env.step([bad, 0.0]), lambda: many.step([[0.0, bad]])):
+            with pytest.raises(torquer.Error, match="finite|not a number|nan|inf"):
+                step()
+    # A refused step moves nothing.
+    assert env.simulation.time_s == pytest.approx(0.1)
+    for _ in range(2):
+        *_, truncated, _ = env.step([1.0, 0.0])
+        *_, all_truncated, _ = many.step([[1.0, 0.0]])
+    assert truncated and all_truncated[0]
+    with pytest.raises(torquer.Error, match="ended; call reset"):
+        env.step([0.0, 0.0])
+    with pytest.raises(torquer.Error, match="finite"):
+        many.step([[math.nan, 0.0]])
+    # The vector resets instead, as its class says.
+    _, rewards, _, all_truncated, info = many.step([[0.0, 0.0]])
+    assert rewards[0] == 0 and not all_truncated[0] and info["time_s"][0] == pytest.approx(0.1)
+    env.reset(seed=1)
+    env.step([0.0, 0.0])

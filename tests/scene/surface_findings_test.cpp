@@ -1,0 +1,60 @@
+// Findings on the centerlines of a surface.
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "host/simulator/scene/scene.h"
+#include "tests/support/made_meshes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace {
+
+// Findings on a curve that begins `before_mm` before the end of its tube.
+std::string FindingsOn(double before_mm) {
+  const torquer::test::TemporaryFolder folder;
+  torquer::vessel::WriteObj(folder.Path("tube.obj"),
+                            torquer::vessel::MakeTubeMesh(40, 12, 40, [](double) { return 3.0; }));
+  std::filesystem::create_directories(folder.Path("curves"));
+  std::ofstream(folder.Path("curves/main.mrk.json"))
+      << R"({"markups": [{"type": "Curve", "controlPoints": [{"position": [)" << -before_mm
+      << R"(, 0, 0]}, {"position": [30, 0, 0]}], "measurements": )"
+      << R"([{"name": "Radius", "controlPointValues": [3, 3]}]}]})";
+  std::ofstream(folder.Path("test.toml")) << R"(name = "test"
+[vessel]
+kind = "surface"
+file = "tube.obj"
+mesh_unit = "mm"
+centerlines = "curves"
+voxel_mm = 1
+wall_stiffness_N_mm2 = 1
+[entry]
+point_mm = [5, 0, 0]
+direction = [1, 0, 0]
+[[instrument]]
+max_length_mm = 20
+radius_mm = 0.2
+rigidity_N_mm2 = 6.35e-3
+)";
+  const torquer::scene::Scene scene(folder.Path("test.toml"));
+  std::string all;
+  for (const std::string& finding : scene.vessel().findings) {
+    if (finding.find("runs outside") != std::string::npos) all += finding;
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("A curve that ends at the surface does not run outside it", "[scene]") {
+  CHECK(FindingsOn(0).empty());
+  CHECK(FindingsOn(0.02).empty());
+}
+
+TEST_CASE("A curve that begins outside runs outside up to the surface", "[scene]") {
+  const std::string said = FindingsOn(2.5);
+  const std::string before = "centerline main runs outside the lumen from 0.0 to ";
+  REQUIRE(said.substr(0, before.size()) == before);
+  // The surface lies 2.5 mm along the curve, and its field is as exact as a voxel allows.
+  CHECK(std::stod(said.substr(before.size())) == Approx(2.5).margin(0.2));
+}
