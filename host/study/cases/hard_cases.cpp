@@ -249,7 +249,7 @@ void AddShapes(std::vector<HardCase>& cases) {
   };
   cases.push_back({"a wire coiled up in a ball", ball(0), 0.05});
   // In a wire rigid in torsion, without friction, the coil's shape turns the tip and the tip turns
-  // the coil. They may rotate forever (core/README.md, section 3).
+  // the coil. They may rotate forever.
   cases.push_back({.name = "a wire with a bent tip coiled up in a ball",
                    .make = ball(0.1),
                    .deepest_mm = 0.05,

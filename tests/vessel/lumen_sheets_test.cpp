@@ -1,0 +1,125 @@
+// Surfaces with small shares, sheets and membranes: what encloses nothing is left out or refused.
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "catch2/catch.hpp"
+#include "host/simulator/vessel/mesh_repair.h"
+#include "host/simulator/vessel/surface_mesh.h"
+#include "host/support/error.h"
+#include "tests/support/made_meshes.h"
+#include "tests/vessel/field_checks.h"
+#include "tests/vessel/made_box.h"
+
+namespace torquer::vessel {
+namespace {
+
+using Catch::Matchers::Contains;
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+TEST_CASE("a share too small to print is not said") {
+  // A corner of one box reaches into another one by less and less.
+  const AlignedBox3d one(Vector3d(0, 0, 0), Vector3d(10, 6, 4));
+  bool is_ever_said = false;
+  for (const double deep_mm : {1.0, 0.1, 0.03, 0.01, 0.003, 0.001}) {
+    const AlignedBox3d other(Vector3d(10 - deep_mm, 6 - deep_mm, 4 - deep_mm),
+                             Vector3d(16, 12, 10));
+    TriangleMesh both = MakeBox(one, 2);
+    Append(both, MakeBox(other, 3));
+    for (const std::string& finding : RepairSurface(both, "x").report.findings) {
+      INFO(deep_mm << " mm: " << finding);
+      CHECK(finding.find("e-") == std::string::npos);
+      is_ever_said = is_ever_said || finding.find("lay within the lumen") != std::string::npos;
+    }
+  }
+  CHECK(is_ever_said);
+}
+
+TEST_CASE("a membrane across the lumen encloses nothing and goes, a fin too") {
+  TriangleMesh tube = MakeClosedTube();
+  SECTION("membrane") {
+    // A disk across the middle: the edges of its rim have three faces.
+    const auto middle = static_cast<int32_t>(tube.vertices_mm.size());
+    tube.vertices_mm.emplace_back(20, 0, 0);
+    for (int32_t j = 0; j < 24; ++j) {
+      tube.triangles.push_back({240 + j, 240 + (j + 1) % 24, middle});
+    }
+  }
+  SECTION("fins, one inside and one outside") {
+    for (const double height : {1.5, 6.0}) {
+      const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+      for (int i = 0; i <= 20; ++i) tube.vertices_mm.emplace_back(2 * i, height, 0.1);
+      for (int32_t i = 4; i < 16; ++i) {
+        tube.triangles.push_back({24 * i, 24 * (i + 1), first + i});
+        tube.triangles.push_back({24 * (i + 1), first + i + 1, first + i});
+      }
+    }
+  }
+  SECTION("a disk that hangs on nothing") {
+    const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+    for (int32_t j = 0; j < 24; ++j) {
+      tube.vertices_mm.emplace_back(10 + 5 * std::cos(j * M_PI / 12), 5 * std::sin(j * M_PI / 12),
+                                    9);
+    }
+    for (int32_t j = 1; j < 23; ++j) tube.triangles.push_back({first, first + j, first + j + 1});
+  }
+  const SurfaceMesh surface = RepairSurface(tube, "x");
+  Random random(9);
+  CheckIsUnionOf(surface, {MakeClosedTube()}, random);
+  CHECK(surface.report.openings.empty());
+  CHECK(surface.report.volume_mm3 == Approx(MakeClosedTube().Volume()).epsilon(1e-6));
+}
+
+TEST_CASE("two bubbles with a common membrane are one lumen") {
+  // Two boxes with a common side that exists once, and one box far away.
+  for (const bool turned : {false, true}) {
+    const AlignedBox3d one(Vector3d(-90, 0, 0), Vector3d(10, 6, 4));
+    const AlignedBox3d two(Vector3d(10, 0, 0), Vector3d(13, 6, 4));
+    const AlignedBox3d far(Vector3d(300, 0, 0), Vector3d(310, 6, 4));
+    TriangleMesh all = MakeBox(far, 2), other = MakeBox(two, 4);
+    if (turned) TurnInsideOut(other);
+    std::erase_if(other.triangles, [&](const auto& t) {
+      return std::all_of(t.begin(), t.end(),
+                         [&](int32_t v) { return other.vertices_mm[v].x() < 10.001; });
+    });
+    Append(all, MakeBox(one, 4));
+    Append(all, other);
+    Random random(13);
+    const SurfaceMesh surface = RepairSurface(all, "x");
+    CHECK(surface.report.volume_mm3 == Approx((103 + 10) * 6 * 4).epsilon(1e-6));
+    CheckIsUnionOf(surface, {MakeBox({one.min(), two.max()}, 1), MakeBox(far, 1)}, random);
+  }
+}
+
+TEST_CASE("a surface of which most encloses nothing is refused, not taken for a small lumen") {
+  // A small closed tube with a fin that is many times larger.
+  TriangleMesh tube = MakeClosedTube(20, 1);
+  const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+  for (int i = 0; i <= 20; ++i) tube.vertices_mm.emplace_back(i, 40, 0);
+  for (int32_t i = 0; i < 20; ++i) {
+    tube.triangles.push_back({24 * i, 24 * (i + 1), first + i});
+    tube.triangles.push_back({24 * (i + 1), first + i + 1, first + i});
+  }
+  CHECK_THROWS_WITH(RepairSurface(tube, "sheets.stl"),
+                    Contains("sheets.stl: ") && Contains("% of the surface encloses nothing"));
+}
+
+TEST_CASE("a surface that is inside out beyond a crossing is refused, with the place") {
+  // A tube whose cross section is a figure eight with unequal loops.
+  TriangleMesh eight = MakeTubeMesh(40, 20, 48, [](double) { return 1.0; });
+  for (size_t i = 0; i < eight.vertices_mm.size(); ++i) {
+    const double angle = 2 * M_PI * (static_cast<double>(i % 48) + 0.3) / 48;
+    Vector3d& v = eight.vertices_mm[i];
+    v.y() = 6 * std::sin(angle) * (1 + 0.4 * std::sin(angle));
+    v.z() = 3 * std::sin(2 * angle);
+  }
+  CapTubeMesh(eight, 48);
+  CHECK_THROWS_AS(RepairSurface(eight, "eight.stl"), UserError);
+  CHECK_THROWS_WITH(RepairSurface(eight, "eight.stl"),
+                    Contains("eight.stl: ") && Contains("inside out") &&
+                        Contains("for instance at (") && Contains("repair"));
+}
+
+}  // namespace
+}  // namespace torquer::vessel
