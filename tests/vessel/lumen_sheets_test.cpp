@@ -1,6 +1,5 @@
 // Surfaces with small shares, sheets and membranes: what encloses nothing is left out or refused.
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 
 #include "catch2/catch.hpp"
@@ -9,7 +8,7 @@
 #include "host/support/error.h"
 #include "tests/support/made_meshes.h"
 #include "tests/vessel/field_checks.h"
-#include "tests/vessel/made_box.h"
+#include "tests/vessel/union_checks.h"
 
 namespace torquer::vessel {
 namespace {

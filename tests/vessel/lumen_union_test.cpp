@@ -13,12 +13,11 @@
 #include "tests/support/made_meshes.h"
 #include "tests/support/sanitizer.h"
 #include "tests/vessel/field_checks.h"
-#include "tests/vessel/made_box.h"
+#include "tests/vessel/union_checks.h"
 
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
@@ -77,35 +76,6 @@ int CountCrossings(const TriangleMesh& mesh) {
     crossings += passes(one, two) && passes(two, one) ? 1 : 0;
   }
   return crossings;
-}
-
-// Checks that a point is inside exactly if it is inside a part. Outside, the distance must be that
-// to the nearest wall of any part.
-void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>& parts,
-                    Random& random, double tolerance_mm = 1e-4) {
-  const TriangleBvh whole(surface.mesh);
-  std::vector<TriangleBvh> single(parts.begin(), parts.end());
-  AlignedBox3d box = surface.mesh.Bounds();
-  box.extend(box.min() - Vector3d::Constant(1));
-  box.extend(box.max() + Vector3d::Constant(1));
-  int inside = 0, wrong = 0;
-  double furthest = 0;
-  for (int k = 0; k < test::Rounds(500, 5); ++k) {
-    const Vector3d at = random.InBox(box.min(), box.max());
-    double most = -1e9;
-    for (const TriangleBvh& part : single) most = std::max(most, part.Distance(at));
-    if (std::abs(most) < 2e-3) continue;
-    const double distance = whole.Distance(at);
-    inside += most > 0 ? 1 : 0;
-    wrong += (distance > 0) != (most > 0) ? 1 : 0;
-    // Inside, the wall of a part may lie within another part: the clearance may be larger, never
-    // smaller.
-    if (most < 0) furthest = std::max(furthest, std::abs(distance - most));
-    if (most > 0) furthest = std::max(furthest, most - distance);
-  }
-  CHECK(inside > test::Rounds(5, 5));
-  CHECK(wrong == 0);
-  CHECK(furthest < tolerance_mm);
 }
 
 TEST_CASE("the union of two boxes has the volume of both less what they share") {
