@@ -10,10 +10,6 @@
 
 namespace torquer::effects {
 
-namespace {
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-}  // namespace
-
 void WallForce::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const WallForce&>(twin);
   largest_mN_ = from.largest_mN_;
@@ -130,20 +126,21 @@ void WallForce::Observe(const TickView& tick) {
 }
 
 std::vector<Reading> WallForce::Readings() const {
-  return {{"wall_force_largest_mN", largest_mN_},
-          {"wall_force_sum_mN", sum_mN_},
-          {"wall_force_tip_mN", tip_mN_},
-          {"wall_line_load_mN_mm", line_load_mN_mm()},
-          {"wall_pressure_kPa", pressure_kPa_},
-          {"wall_tip_pressure_kPa", tip_pressure_kPa_},
-          {"wall_force_largest_ever_mN", largest_ever_mN()},
-          {"wall_tip_pressure_ever_kPa", tip_pressure_ever_kPa()},
-          {"wall_force_impulse_mNs", impulse_mNs()},
-          {"wall_force_events", Counted(events_)},
-          {"wall_force_above_s", Counted(seconds_above_)},
-          {"wall_force_event_s", Counted(event_began_s_)},
-          {"wall_force_event_mN", events_ == 0 ? kUnknown : event_mN_},
-          {"wall_force_unconverged_s", unconverged_s_}};
+  return {
+      {"wall_force_largest_mN", largest_mN_},
+      {"wall_force_sum_mN", sum_mN_},
+      {"wall_force_tip_mN", tip_mN_},
+      {"wall_line_load_mN_mm", line_load_mN_mm()},
+      {"wall_pressure_kPa", pressure_kPa_},
+      {"wall_tip_pressure_kPa", tip_pressure_kPa_},
+      {"wall_force_largest_ever_mN", largest_ever_mN()},
+      {"wall_tip_pressure_ever_kPa", tip_pressure_ever_kPa()},
+      {"wall_force_impulse_mNs", impulse_mNs()},
+      {"wall_force_events", Counted(events_)},
+      {"wall_force_above_s", Counted(seconds_above_)},
+      {"wall_force_event_s", Counted(event_began_s_)},
+      {"wall_force_event_mN", events_ == 0 ? std::numeric_limits<double>::quiet_NaN() : event_mN_},
+      {"wall_force_unconverged_s", unconverged_s_}};
 }
 
 namespace {
