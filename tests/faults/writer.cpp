@@ -223,15 +223,15 @@ std::size_t WriterBench::WrittenFiles() const {
   return count;
 }
 
-// A program that stays is ready when it has printed a line. One that prints none at its start is
-// ready some time after its files are there.
+// A program that stays is ready when it has printed a line. One that prints none at its start has
+// files, and is ready some time after they are there.
 void WriterBench::EndOnceReady(ChildProcess& process) const {
   constexpr int kMostPauses = 1000;
   constexpr int kPausesWithFiles = 20;
   int with_files = 0;
   for (int k = 0; k < kMostPauses && with_files < kPausesWithFiles; ++k) {
     if (process.Ended() || !process.Output().empty() || !process.Error().empty()) break;
-    with_files += WrittenFiles() >= writer_.outputs;
+    with_files += writer_.outputs > 0 && WrittenFiles() >= writer_.outputs;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   process.Signal(SIGTERM);
