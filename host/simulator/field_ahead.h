@@ -11,10 +11,14 @@
 
 namespace torquer::simulator {
 
+/// Builds all bricks of the vessel that a tip within kBuiltAround_mm of this place can need.
+void BuildAround(const vessel::Vessel& vessel, const Eigen::Vector3d& tip_mm);
+constexpr double kBuiltAround_mm = 12;
+
 /// Thread beside the real-time loop. It builds the field around the tip, again whenever the tip has
-/// moved, and between these along the centerlines. Without a surface it starts no thread. The
-/// field's values are the same with and without it. If the memory runs out, the thread ends with a
-/// message on standard error, and the session goes on.
+/// moved. Between these it follows the centerlines of a surface. A vessel without bricks needs no
+/// thread. The field's values are the same with and without it. If the memory runs out, the thread
+/// ends with a message on standard error, and the session goes on.
 class FieldAhead {
  public:
   /// `vessel` must outlive this.

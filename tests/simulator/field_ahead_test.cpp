@@ -47,6 +47,7 @@ TEST_CASE("A session goes on without looking ahead when the memory runs out ther
   torquer::vessel::Vessel vessel;
   vessel.surface = torquer::vessel::MeshVessel::Open(
       torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/surface.obj"), options);
+  vessel.bricks = {vessel.surface, &vessel.surface->field()};
   const auto place = [&mesh = vessel.surface->mesh()](int i) {
     return mesh.Centroid(static_cast<std::size_t>(i) % mesh.triangles.size());
   };
@@ -81,6 +82,7 @@ TEST_CASE("A field has the same values while a thread builds it ahead of the tip
   };
   torquer::vessel::Vessel vessel;
   vessel.surface = open();
+  vessel.bricks = {vessel.surface, &vessel.surface->field()};
   const auto alone = open();
   torquer::simulator::FieldAhead ahead(vessel);
   for (int i = 0; i <= 200; ++i) {

@@ -139,6 +139,43 @@ TEST_CASE("the union of tubes is smooth where they meet and no steeper than a di
   CHECK(largest_jump < 5e-6);
 }
 
+TEST_CASE("a grid of samples has the bits of single samples") {
+  // Tapered and thin tubes that cross, touch, run beside each other and lie far apart.
+  Random random(29);
+  const auto tube = [&](const std::string& name) {
+    const Vector3d from = random.InBox(Vector3d::Constant(-25), Vector3d::Constant(25));
+    const Vector3d over = random.InBox(Vector3d::Constant(-25), Vector3d::Constant(25));
+    const Vector3d to = random.InBox(Vector3d::Constant(-60), Vector3d::Constant(60));
+    const ArcLinePath axis = ArcLinePath::FromCorners({from, over, to}, 30);
+    const double radius = std::min(random.Uniform(0.4, 4), 0.9 * axis.SmallestBendRadius());
+    return Tube{name, axis, {radius, radius, 0.8 * radius}, axis.corner_arc_lengths_mm()};
+  };
+  for (const double width_mm : {0.0, 1.0, 5.0}) {
+    std::vector<Tube> tubes{TaperedBend()};
+    for (int k = 0; k < 6; ++k) tubes.push_back(tube("tube " + std::to_string(k)));
+    const TubeField field(tubes, width_mm);
+    for (int grid = 0; grid < (torquer::test::kUnderSanitizer ? 20 : 200); ++grid) {
+      constexpr int kCount = 5;
+      const double step_mm = std::exp(random.Uniform(std::log(0.05), std::log(20.0)));
+      const Vector3d low = random.InBox(Vector3d::Constant(-50), Vector3d::Constant(50));
+      double axis[3][kCount];
+      for (int a = 0; a < 3; ++a) {
+        for (int i = 0; i < kCount; ++i) axis[a][i] = low[a] + i * step_mm;
+      }
+      double samples[kCount * kCount * kCount];
+      field.SampleGrid(axis[0], axis[1], axis[2], kCount, samples);
+      int differ = 0;
+      for (int at = 0; at < kCount * kCount * kCount; ++at) {
+        const Vector3d p(axis[0][at % kCount], axis[1][at / kCount % kCount],
+                         axis[2][at / (kCount * kCount)]);
+        differ += samples[at] != field.Clearance(p);
+      }
+      INFO("union width " << width_mm << " mm, grid " << grid << ", step " << step_mm << " mm");
+      CHECK(differ == 0);
+    }
+  }
+}
+
 TEST_CASE("the phantom's main path is open all along and about 280 mm long") {
   const TubeVessel phantom = MakeTyPhantom();
   const Centerline& main = phantom.centerlines.curves()[0];

@@ -212,7 +212,7 @@ void Scene::MakeEffect(const EffectSpec& spec) {
   if (kind.make == nullptr) return;  // this kind only shapes the instruments
   effects_.push_back(kind.make(spec.keys, {.wire = rod(),
                                            .wall = wall_,
-                                           .field = vessel_.field.get(),
+                                           .field = &vessel_.wire_field(),
                                            .centerlines = &vessel_.centerlines,
                                            .bounds_mm = vessel_.bounds_mm,
                                            .axes = axes_,
@@ -233,7 +233,7 @@ void Scene::MakeEffect(const EffectSpec& spec) {
   }
   if (stiffness != nullptr) wall_.stiffness_field = stiffness;
   if (motion != nullptr) {
-    if (moving_ == nullptr) moving_ = std::make_unique<vessel::MovingField>(*vessel_.field);
+    if (moving_ == nullptr) moving_ = std::make_unique<vessel::MovingField>(vessel_.wire_field());
     moving_->Add(*motion);
   }
 }
@@ -275,13 +275,13 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
 
 std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
   if (method() == Method::kPaper) {
-    return std::make_unique<PaperRelaxation>(rod(), *vessel_.field, wall_, paper_);
+    return std::make_unique<PaperRelaxation>(rod(), vessel_.wire_field(), wall_, paper_);
   }
   terms_.clear();
   for (std::size_t k = 0; k < effects_.size(); ++k) {
     if (EnergyTerm* term = effects_[k]->energy_term()) terms_.push_back(stand_in(k, term));
   }
-  const ClearanceField& field = moving_ != nullptr ? *moving_ : *vessel_.field;
+  const ClearanceField& field = moving_ != nullptr ? *moving_ : vessel_.wire_field();
   return MakeNewtonRelaxation(*stack_, field, wall_, newton_, terms_);
 }
 

@@ -14,6 +14,10 @@ using Eigen::Vector3d;
 
 namespace {
 
+// Rounding of the values in FindNear.
+constexpr double kNearMargin_mm = 1e-6;
+constexpr double kNone = -std::numeric_limits<double>::infinity();  // value without a tube
+
 // Distance d to the axis as a function Q of u = d^2, rounded for d < round. The even polynomial
 // round (3/8 + 3/4 (d/round)^2 - 1/8 (d/round)^4) meets d with two derivatives at d = round.
 struct RoundedDistance {
@@ -329,13 +333,13 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
   Vector3d gradient;
   Matrix3d hessian;
   for (const TubeData& tube : tubes_) {
-    Contact contact{-std::numeric_limits<double>::infinity(), 0, &tube.primitives.front(), false};
-    if (!first) {
-      // A tube changes nothing if all its spheres stay below the blend.
-      const double reach = tube.ball_radius - (value - union_width_mm_);
-      if (reach <= 0 || (p - tube.ball_center).squaredNorm() > reach * reach) continue;
-    }
+    // A later tube changes nothing if all its spheres stay below the blend.
+    const double least = first ? kNone : value - union_width_mm_;
+    const double reach = tube.ball_radius - least;
+    if (reach <= 0 || (p - tube.ball_center).squaredNorm() > reach * reach) continue;
+    Contact contact{least, 0, first ? &tube.primitives.front() : nullptr, false};
     for (const Primitive& primitive : tube.primitives) Look(primitive, tube.round_mm, p, contact);
+    if (contact.primitive == nullptr) continue;
     if (first) {
       value = contact.value;
       if constexpr (kOrder >= 1) {
@@ -346,19 +350,17 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
     }
     const double difference = value - contact.value;
     const double h = union_width_mm_ - std::abs(difference);
+    value = Blend(value, contact.value);
     if (h <= 0) {
       if (difference >= 0) continue;
-      value = contact.value;
       if constexpr (kOrder >= 1) {
         Differentiate<kOrder>(contact, tube.round_mm, p, gradient, hessian);
       }
       continue;
     }
-    // Blend: max + h^3 / (6 w^2). Its first derivatives are the weights of the two, its second is h
-    // / w^2.
-    const double w2 = union_width_mm_ * union_width_mm_;
-    value = std::max(value, contact.value) + h * h * h / (6 * w2);
     if constexpr (kOrder >= 1) {
+      // The first derivatives of Blend are the weights of the two, its second is h / w^2.
+      const double w2 = union_width_mm_ * union_width_mm_;
       Vector3d other;
       Matrix3d other_hessian;
       Differentiate<kOrder>(contact, tube.round_mm, p, other, other_hessian);
@@ -378,6 +380,64 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
     if constexpr (kOrder >= 2) out->hessian = hessian;
   }
   return value;
+}
+
+// Smooth maximum of the values of two tubes: max + h^3 / (6 w^2) within the union width w.
+double TubeField::Blend(double value, double other) const {
+  const double h = union_width_mm_ - std::abs(value - other);
+  if (h <= 0) return std::max(value, other);
+  return std::max(value, other) + h * h * h / (6 * union_width_mm_ * union_width_mm_);
+}
+
+// Tubes and primitives that Evaluate cannot do without in a ball. Values are nowhere steeper than
+// 1: a value at the center bounds those in the ball.
+std::vector<TubeField::NearTube> TubeField::FindNear(const Vector3d& center,
+                                                     double radius_mm) const {
+  const double change_mm = 2 * radius_mm + kNearMargin_mm;  // of the difference of two values
+  std::vector<NearTube> near;
+  double value = 0;
+  std::vector<double> values;
+  for (const TubeData& tube : tubes_) {
+    values.clear();
+    for (const Primitive& primitive : tube.primitives) {
+      Contact contact{kNone, 0, &primitive, false};
+      Look(primitive, tube.round_mm, center, contact);
+      values.push_back(contact.value);
+    }
+    const double largest = *std::max_element(values.begin(), values.end());
+    const double apart = union_width_mm_ + change_mm;
+    if (!near.empty() && largest < value - apart) continue;
+    // The tubes before this one change nothing if it exceeds them by more than the union width.
+    if (!near.empty() && largest > value + apart) near.clear();
+    value = near.empty() ? largest : Blend(value, largest);
+    near.push_back({tube.round_mm, {}});
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (values[i] >= largest - change_mm) near.back().primitives.push_back(&tube.primitives[i]);
+    }
+  }
+  return near;
+}
+
+void TubeField::SampleGrid(const double* x, const double* y, const double* z, int count,
+                           double* distances) const {
+  const Vector3d low(x[0], y[0], z[0]), high(x[count - 1], y[count - 1], z[count - 1]);
+  const std::vector<NearTube> near = FindNear((low + high) / 2, (high - low).norm() / 2);
+  for (int k = 0; k < count; ++k) {
+    for (int j = 0; j < count; ++j) {
+      for (int i = 0; i < count; ++i) {
+        const Vector3d p(x[i], y[j], z[k]);
+        double value = kNone;
+        for (const NearTube& tube : near) {
+          Contact contact{value - union_width_mm_, 0, nullptr, false};
+          for (const Primitive* primitive : tube.primitives) {
+            Look(*primitive, tube.round_mm, p, contact);
+          }
+          if (contact.primitive != nullptr) value = Blend(value, contact.value);
+        }
+        *distances++ = value;
+      }
+    }
+  }
 }
 
 double TubeField::Clearance(const Vector3d& point_mm) const {

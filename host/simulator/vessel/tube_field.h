@@ -15,6 +15,7 @@
 #include "host/simulator/core/clearance_field.h"
 #include "host/simulator/vessel/arc_line_path.h"
 #include "host/simulator/vessel/centerline.h"
+#include "host/simulator/vessel/distance_source.h"
 
 namespace torquer::vessel {
 
@@ -37,7 +38,7 @@ struct Tube {
 /// edge and adds at most a sixth of the width. In and near the lumen, the gradient is continuous
 /// and at most 1. The Hessian is exact and jumps between line and arc of the axis. Outside, at
 /// points equally far from two parts of one tube, the gradient jumps, as for any distance.
-class TubeField final : public ClearanceField {
+class TubeField final : public ClearanceField, public DistanceSource {
  public:
   /// tubes: at least one. union_width_mm >= 0 (0: sharp edges, the gradient jumps there). Throws
   /// UserError naming the tube and the value.
@@ -47,6 +48,11 @@ class TubeField final : public ClearanceField {
   void EvaluateGradient(const Eigen::Vector3d& point_mm, ClearanceSample& out) const override;
   void EvaluateHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const override;
   double LipschitzBound() const override { return 1.0 + 1e-9; }
+
+  double Distance(const Eigen::Vector3d& point_mm) const override { return Clearance(point_mm); }
+  /// Looks only at the tubes near the grid. The values are those of Clearance, bit for bit.
+  void SampleGrid(const double* x, const double* y, const double* z, int count,
+                  double* distances) const override;
 
   /// Box that holds the lumen.
   const Eigen::AlignedBox3d& bounds_mm() const { return bounds_mm_; }
@@ -80,6 +86,14 @@ class TubeField final : public ClearanceField {
     bool interior = false;  // u is a stationary point, not an end
   };
 
+  // Primitives of one tube that can determine its value within a ball.
+  struct NearTube {
+    double round_mm = 0;
+    std::vector<const Primitive*> primitives;
+  };
+
+  std::vector<NearTube> FindNear(const Eigen::Vector3d& center, double radius_mm) const;
+  double Blend(double value, double other) const;
   template <int kOrder>
   double Evaluate(const Eigen::Vector3d& p, ClearanceSample* out) const;
   static void Look(const Primitive& primitive, double round_mm, const Eigen::Vector3d& p,

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/vessel/brick_field.h"
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/support/key_table.h"
@@ -21,7 +22,10 @@ namespace torquer::vessel {
 
 /// Vessel, with the data for people and for the relaxation.
 struct Vessel {
-  std::shared_ptr<const ClearanceField> field;
+  std::shared_ptr<const ClearanceField> field;  ///< the distance to the wall
+  /// Bricks fitted to `field`, which the wire looks up because they cost less. Null: it looks up
+  /// `field`.
+  std::shared_ptr<const BrickField> bricks;
   std::shared_ptr<const MeshVessel> surface;  ///< the source surface; null for other kinds
   CenterlineNetwork centerlines;              ///< may be empty for surfaces
   Eigen::AlignedBox3d bounds_mm;
@@ -30,6 +34,11 @@ struct Vessel {
   /// Bytes of its files as parsed, surface first. They distinguish this vessel from one that a file
   /// of the same name gave at another time. Scene drops them.
   std::vector<std::string> contents;
+
+  /// The field that the wire looks up.
+  const ClearanceField& wire_field() const {
+    return bricks != nullptr ? static_cast<const ClearanceField&>(*bricks) : *field;
+  }
 };
 
 /// One row of the table of kinds.

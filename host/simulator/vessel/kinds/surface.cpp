@@ -77,7 +77,8 @@ Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
   }
   // The coarse levels suffice far from the wire; look-ups build the fine bricks near it.
   vessel.surface->field().Build(1, static_cast<int>(std::thread::hardware_concurrency()));
-  vessel.field = std::shared_ptr<const ClearanceField>(vessel.surface, &vessel.surface->field());
+  vessel.bricks = std::shared_ptr<const BrickField>(vessel.surface, &vessel.surface->field());
+  vessel.field = vessel.bricks;
   const MeshReport& report = vessel.surface->report();
   vessel.bounds_mm = report.bounds_mm;
   vessel.findings = report.findings;

@@ -2,14 +2,22 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <memory>
+#include <optional>
 #include <utility>
 
+#include "host/simulator/vessel/brick_field.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel {
 
 namespace {
+
+constexpr double kLeastVoxel_mm = 0.02;
+// A narrower band would reach less far than the bulges of a step; a wider one costs memory.
+constexpr double kBand_mm = 1;
 
 struct TubeSpec : TableSpec {
   std::string name;
@@ -20,6 +28,7 @@ struct TubeSpec : TableSpec {
 
 struct TubesSpec : TableSpec {
   double union_width_mm = 2;
+  std::optional<double> voxel_mm;
   double join_tolerance_mm = 1;
   std::vector<TubeSpec> tubes;
 };
@@ -59,6 +68,10 @@ const Keys<TubesSpec>& TubesKeys() {
       Keys<TubesSpec>()
           .Number("union_width_mm", &TubesSpec::union_width_mm, 0, 20, "mm",
                   "width over which the edges between tubes are rounded")
+          .Otherwise("a third of the smallest radius, at most 0.25 mm")
+          .Number("voxel_mm", &TubesSpec::voxel_mm, kLeastVoxel_mm, 4, "mm",
+                  "finest cell of the distance field; at most half the thickness of the thinnest "
+                  "wall between two lumens")
           .Number("join_tolerance_mm", &TubesSpec::join_tolerance_mm, 0.01, 50, "mm",
                   "distance to another tube's axis within which the end of a tube joins it")
           .Tables("tube", &TubesSpec::tubes, TubeKeys(), 1,
@@ -91,12 +104,32 @@ Tube MakeTube(const TubeSpec& spec) {
   }
 }
 
+// Null if the vessel is so large, and its tubes so thin, that the index of the bricks does not fit
+// into memory.
+std::shared_ptr<const BrickField> MakeBricks(const std::shared_ptr<const TubeField>& field,
+                                             const TubesSpec& spec) {
+  BrickFieldOptions options;
+  options.voxel_mm = spec.voxel_mm.value_or(
+      std::clamp(field->smallest_radius_mm() / 3, kLeastVoxel_mm, options.voxel_mm));
+  options.band_mm = kBand_mm;
+  try {
+    return std::make_shared<const BrickField>(field, field->bounds_mm(), options);
+  } catch (const UserError& error) {
+    if (spec.voxel_mm) spec.origin.Refuse("voxel_mm", error.what());
+    return nullptr;
+  }
+}
+
 Vessel Build(const TubesSpec& spec, const std::filesystem::path& /*folder*/) {
   std::vector<Tube> tubes;
   for (const TubeSpec& tube : spec.tubes) tubes.push_back(MakeTube(tube));
   try {
-    return FromTubes(MakeTubeVessel(tubes, spec.union_width_mm, spec.join_tolerance_mm),
-                     fmt::format("{} tubes", tubes.size()));
+    TubeVessel made = MakeTubeVessel(tubes, spec.union_width_mm, spec.join_tolerance_mm);
+    const std::shared_ptr<const TubeField> field = std::move(made.field);
+    Vessel vessel = FromTubes(std::move(made), fmt::format("{} tubes", tubes.size()));
+    vessel.field = field;
+    vessel.bricks = MakeBricks(field, spec);
+    return vessel;
   } catch (const UserError& error) {
     spec.origin.Refuse("tube", error.what());
   }
