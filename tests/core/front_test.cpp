@@ -85,6 +85,8 @@ struct RandomSegment {
     load.h2 = 0.3 * length_mm * length_mm * loads;
     fill(load.g0);
     load.g1 = 0.5 * length_mm * load.g0;
+    fill(load.f0);
+    load.f1 = 0.4 * length_mm * load.f0;
     fill(turn.proximal);
     fill(turn.distal);
     turn.rest.hessian = 1 + any(random);
@@ -112,6 +114,7 @@ BetweenCurves::Terms RandomTerms(std::mt19937& random) {
   for (double& x : root.reshaped()) x = 0.3 * any(random);
   terms.hessian = root * root.transpose();
   for (double& x : terms.gradient) x = any(random);
+  for (double& x : terms.force) x = any(random);
   return terms;
 }
 
@@ -262,11 +265,11 @@ void AddGeometric(const std::vector<FrontSegment>& segments,
   Vector3d beyond = Vector3d::Zero();
   for (std::size_t i = segments.size(); i-- > 0;) {
     const FrontSegment& s = segments[i];
-    if (i < terms.size()) beyond += terms[i].gradient.segment<3>(part);
+    if (i < terms.size()) beyond += terms[i].force.segment<3>(part);
     double along = s.length_mm * beyond.dot(s.tangent);
     if (s.load != nullptr) {
-      along += s.load->g1.dot(s.tangent);
-      beyond += s.load->g0;
+      along += s.load->f1.dot(s.tangent);
+      beyond += s.load->f0;
     }
     dense.Add(rows.step[i + 1], -along * Eigen::Matrix2d::Identity(), VectorXd::Zero(2));
   }

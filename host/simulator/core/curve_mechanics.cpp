@@ -13,6 +13,17 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+void WallSpring::Press(double pressed_N, const ClearanceSample& sample) {
+  force_N = pressed_N;
+  hessian.noalias() = stiffness_N_mm * sample.gradient * sample.gradient.transpose();
+  if (!(pressed_N > 0)) return;
+  // Curvature of the wall. It is kept in full if it stiffens the spring or at most halves it. In a
+  // deep corner the full curvature would make the whole Hessian indefinite.
+  const double bent_N_mm = pressed_N * sample.hessian.norm();
+  const double keep = bent_N_mm > 0.5 * stiffness_N_mm ? 0.5 * stiffness_N_mm / bent_N_mm : 1;
+  hessian -= (pressed_N * keep) * sample.hessian;
+}
+
 CurveMechanics::CurveMechanics(const WireModel& model, const ClearanceField& field,
                                const WallModel& wall, const InstrumentStack* stack, int curve)
     : model_(model),
@@ -62,15 +73,11 @@ void CurveMechanics::ExpandWall(bool with_hessian, CurveQuadraticModel& out) con
       out.max_penetration_mm = std::max(out.max_penetration_mm, spring.penetration_mm);
       out.energy_mJ += spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;
     }
-    if (!with_hessian) continue;
-    spring.hessian.noalias() =
-        spring.stiffness_N_mm * sample.gradient * sample.gradient.transpose();
-    if (!out.points.touches[p]) continue;
-    // Curvature of the wall. It is kept in full if it stiffens the spring or at most halves it. In
-    // a deep corner the full curvature would make the whole Hessian indefinite.
-    const double bend = spring.penetration_mm * sample.hessian.norm();
-    const double keep = bend > 0.5 ? 0.5 / bend : 1;
-    spring.hessian -= (spring.stiffness_N_mm * spring.penetration_mm * keep) * sample.hessian;
+    if (with_hessian) {
+      spring.Press(spring.ContactForceN(), sample);
+    } else {
+      spring.force_N = spring.ContactForceN();
+    }
   }
 }
 
@@ -196,18 +203,21 @@ void CurveMechanics::AddSpinLoads(const Curve& curve, CurveQuadraticModel& out) 
 LoadTerms& CurveMechanics::LoadsOf(int segment, CurveQuadraticModel& out) {
   if (out.load_index[segment] < 0) {
     out.load_index[segment] = static_cast<int>(out.loads.size());
-    out.loads.push_back(
-        {Vector3d::Zero(), Vector3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()});
+    out.loads.push_back({Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(),
+                         Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()});
   }
   return out.loads[out.load_index[segment]];
 }
 
 void CurveMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
-                             const Matrix3d* hessian, CurveQuadraticModel& out) {
+                             const Vector3d& force_N, const Matrix3d* hessian,
+                             CurveQuadraticModel& out) {
   LoadTerms& load = LoadsOf(point / out.points.per_segment, out);
   const double t = length_mm * (point % out.points.per_segment + 1) / out.points.per_segment;
   load.g0 += gradient;
   load.g1 += t * gradient;
+  load.f0 += force_N;
+  load.f1 += t * force_N;
   if (hessian == nullptr) return;
   load.h0 += *hessian;
   load.h1 += t * *hessian;

@@ -34,15 +34,25 @@ namespace torquer {
 struct WallSpring {
   double stiffness_N_mm;    ///< k times the length that the point stands for
   double penetration_mm;    ///< negative: minus the distance to contact
+  double force_N;           ///< with which it presses: as set by Press, >= 0
   Eigen::Matrix3d hessian;  ///< N/mm
+
+  /// Force of the point at rest: 0 without contact, N.
+  double ContactForceN() const { return penetration_mm > 0 ? stiffness_N_mm * penetration_mm : 0; }
+  /// Sets the force with which the spring presses. Forces stiffen the wire, and bend the springs
+  /// with the wall. The gradient stays that of the penetration.
+  void Press(double pressed_N, const ClearanceSample& sample);
 };
 
 /// Sums over the points of one segment of the gradient g and Hessian H: g, t g, H, t H, t^2 H. t is
 /// the distance of a point past the segment's proximal node. A load on the tangent itself adds its
-/// gradient to g1 and its Hessian to h2.
+/// gradient to g1 and its Hessian to h2. f0 and f1 are like g0 and g1, but with WallSpring::force_N
+/// for the springs.
 struct LoadTerms {
   Eigen::Vector3d g0;
   Eigen::Vector3d g1;
+  Eigen::Vector3d f0;
+  Eigen::Vector3d f1;
   Eigen::Matrix3d h0;
   Eigen::Matrix3d h1;
   Eigen::Matrix3d h2;
@@ -110,7 +120,8 @@ class CurveMechanics {
   double SumGradient(const Curve& curve, CurveQuadraticModel& out) const;
   static LoadTerms& LoadsOf(int segment, CurveQuadraticModel& out);
   static void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
-                      const Eigen::Matrix3d* hessian, CurveQuadraticModel& out);
+                      const Eigen::Vector3d& force_N, const Eigen::Matrix3d* hessian,
+                      CurveQuadraticModel& out);
 
   const WireModel& model_;
   const WallModel& wall_;
@@ -126,25 +137,33 @@ void CurveMechanics::SumLoads(const Curve& curve, IsActive is_active,
   out.loads.clear();
   std::fill(out.load_index.begin(), out.load_index.end(), -1);
   for (std::size_t k = 0; k < out.springs.size(); ++k) {
-    if (!is_active(k)) continue;
     const WallSpring& spring = out.springs[k];
+    const bool acts = is_active(k);
+    // The part of forces that exist is the same for all sets of springs.
+    if (!acts && !(spring.force_N > 0)) continue;
     const int q = out.points.near[k];
-    const Eigen::Vector3d gradient = -(spring.stiffness_N_mm * spring.penetration_mm) *
-                                     out.points.clearance[static_cast<std::size_t>(q)].gradient;
-    AddLoad(q, curve.SegmentLength(model_, q / per_segment), gradient,
-            with_hessian ? &spring.hessian : nullptr, out);
+    const Eigen::Vector3d& inward = out.points.clearance[static_cast<std::size_t>(q)].gradient;
+    Eigen::Matrix3d hessian;
+    if (with_hessian) {
+      hessian = spring.hessian;
+      if (!acts) hessian -= spring.stiffness_N_mm * inward * inward.transpose();
+    }
+    const double gradient_N = acts ? spring.stiffness_N_mm * spring.penetration_mm : 0;
+    AddLoad(q, curve.SegmentLength(model_, q / per_segment), -gradient_N * inward,
+            -spring.force_N * inward, with_hessian ? &hessian : nullptr, out);
   }
   const PointDerivatives& loads = out.derivatives;
   for (std::size_t p = 0; p < loads.used.size(); ++p) {
     if (loads.used[p] == PointDerivatives::kNothing) continue;
     const int q = static_cast<int>(p);
     const bool both = with_hessian && loads.used[p] == PointDerivatives::kBoth;
-    AddLoad(q, curve.SegmentLength(model_, q / per_segment), loads.gradient[p],
+    AddLoad(q, curve.SegmentLength(model_, q / per_segment), loads.gradient[p], loads.gradient[p],
             both ? &loads.hessian[p] : nullptr, out);
   }
   for (const TangentLoad& on : loads.on_tangents) {
     LoadTerms& load = LoadsOf(on.segment, out);
     load.g1 += on.gradient;
+    load.f1 += on.gradient;
     if (with_hessian) load.h2 += on.hessian;
   }
 }

@@ -74,6 +74,7 @@ struct AttemptRecord {
   double gained_mJ = 0;       ///< energy decrease that was measured
   int active_set_rounds = 0;  ///< solutions of the model
   std::int64_t lookups = 0;   ///< of the vessel's field, in this attempt
+  bool definite = false;      ///< Hessian of the last of these is positive definite
   bool accepted = false;
 };
 

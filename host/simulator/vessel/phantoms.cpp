@@ -1,5 +1,6 @@
 #include "host/simulator/vessel/phantoms.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -90,6 +91,19 @@ TubeVessel MakeTyPhantom() {
   curves.push_back(CenterlineOf({"child", child, {kRadius}, {}}));
   vessel.centerlines = CenterlineNetwork(std::move(curves));
   return vessel;
+}
+
+std::shared_ptr<const BrickField> MakeTubeBricks(std::shared_ptr<const TubeField> field,
+                                                 std::optional<double> voxel_mm) {
+  constexpr double kLeastVoxel_mm = 0.02;
+  // A narrower band would reach less far than the bulges of a step; a wider one costs memory.
+  constexpr double kBand_mm = 1;
+  BrickFieldOptions options;
+  options.voxel_mm = voxel_mm.value_or(
+      std::clamp(field->smallest_radius_mm() / 3, kLeastVoxel_mm, options.voxel_mm));
+  options.band_mm = kBand_mm;
+  const Eigen::AlignedBox3d bounds_mm = field->bounds_mm();
+  return std::make_shared<const BrickField>(std::move(field), bounds_mm, options);
 }
 
 Vessel FromTubes(TubeVessel tubes, std::string description) {

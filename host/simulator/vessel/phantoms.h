@@ -2,7 +2,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <string>
 
+#include "host/simulator/vessel/brick_field.h"
 #include "host/simulator/vessel/tube_field.h"
 #include "host/simulator/vessel/vessel.h"
 
@@ -40,6 +43,11 @@ TubeVessel MakeTorus(double bend_radius_mm, double radius_mm, double angle_rad);
 /// tube's is the main path. Throws UserError on unusable tubes or too long axes.
 TubeVessel MakeTubeVessel(const std::vector<Tube>& tubes, double union_width_mm,
                           double join_tolerance_mm);
+
+/// Bricks for the look-ups of a wire in tubes. voxel_mm: cell width, 0.02 to 4; by default a third
+/// of the smallest radius, at most 0.25. Throws UserError if the index does not fit into memory.
+std::shared_ptr<const BrickField> MakeTubeBricks(std::shared_ptr<const TubeField> field,
+                                                 std::optional<double> voxel_mm = {});
 
 /// Vessel of a scene from tubes.
 Vessel FromTubes(TubeVessel tubes, std::string description);

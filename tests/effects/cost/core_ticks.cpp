@@ -3,6 +3,7 @@
 #include <cinttypes>
 #include <cstdio>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -17,7 +18,8 @@ int main() {
           {{0, 0, 0}, {80, 0, 0}, {150, 50, 0}, {230, 50, 30}, {300, 50, 30}}, 40),
       {3},
       {0}};
-  const vessel::TubeVessel vessel = vessel::MakeTubeVessel({tube}, 2, 1);
+  vessel::TubeVessel vessel = vessel::MakeTubeVessel({tube}, 2, 1);
+  const auto bricks = vessel::MakeTubeBricks(std::move(vessel.field));
   const vessel::CenterlineSample entry = vessel.centerlines.curves()[0].At(1);
   const double bend = std::numbers::pi / 180 * 30 / (10.0 * 1);
   const std::vector<WireSection> sections = {{0, 1, 0.4445, bend, 0},
@@ -29,7 +31,7 @@ int main() {
                         {entry.position_mm, entry.tangent.normalized()});
   const WallModel wall{.stiffness_N_mm2 = 1};
   const std::vector<EnergyTerm*> none;
-  NewtonRelaxation relaxation(model, *vessel.field, wall, NewtonSettings(), none);
+  NewtonRelaxation relaxation(model, *bricks, wall, NewtonSettings(), none);
   WireState state(model);
   relaxation.Restart(state);
   for (int k = 1; k <= test::kTicks; ++k) {

@@ -8,34 +8,103 @@ namespace torquer {
 
 using Eigen::Vector3d;
 
-ActiveSet::ActiveSet(std::size_t points) {
-  active_.reserve(points);
-  pressed_.assign(points, 0);
+SpringSet::SpringSet(std::size_t most_springs) {
+  active_.reserve(most_springs);
+  solution_mm_.reserve(most_springs);
+  stiffness_N_mm_.reserve(most_springs);
+  rest_mm_.reserve(most_springs);
+  best_mm_.reserve(most_springs);
 }
+
+template <class Spring>
+void SpringSet::Reset(const std::vector<Spring>& springs) {
+  active_.resize(springs.size());
+  solution_mm_.resize(springs.size());
+  stiffness_N_mm_.clear();
+  rest_mm_.clear();
+  for (const Spring& spring : springs) {
+    stiffness_N_mm_.push_back(spring.stiffness_N_mm);
+    rest_mm_.push_back(spring.penetration_mm);
+  }
+  best_mm_ = rest_mm_;
+}
+
+template <class Penetration>
+double SpringSet::Excess(Penetration penetration_mm) const {
+  double sum = 0;
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    const double at_mm = penetration_mm(k);
+    if ((at_mm > 0) == (active_[k] != 0)) continue;
+    const double energy = stiffness_N_mm_[k] * at_mm * at_mm / 2;  // (12)
+    sum += active_[k] ? energy : -energy;
+  }
+  return sum;
+}
+
+double SpringSet::ExcessAtRest() const {
+  return Excess([this](std::size_t k) { return rest_mm_[k]; });
+}
+
+double SpringSet::ExcessAt(double fraction) const {
+  return Excess([&](std::size_t k) { return PenetrationAt(k, fraction); });
+}
+
+double SpringSet::ExcessSlopeAt(double fraction) const {
+  double sum = 0;
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    const double at_mm = PenetrationAt(k, fraction);
+    if ((at_mm > 0) == (active_[k] != 0)) continue;
+    const double slope = stiffness_N_mm_[k] * at_mm * (solution_mm_[k] - best_mm_[k]);
+    sum += active_[k] ? slope : -slope;
+  }
+  return sum;
+}
+
+void SpringSet::MoveBest(double fraction) {
+  for (std::size_t k = 0; k < active_.size(); ++k) best_mm_[k] = PenetrationAt(k, fraction);
+}
+
+int SpringSet::TakePressing() {
+  int last = -1;
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    const std::uint8_t presses = best_mm_[k] > 0;
+    if (presses == active_[k]) continue;
+    active_[k] = presses;
+    last = static_cast<int>(k);
+  }
+  return last;
+}
+
+ActiveSet::ActiveSet(std::size_t points) : SpringSet(points) { pressed_N_.assign(points, 0); }
 
 void ActiveSet::RememberPressed(const CurveQuadraticModel& quadratic) {
   Forget();
-  for (const int q : quadratic.points.near) {
-    pressed_[static_cast<std::size_t>(quadratic.points.FromTip(q))] =
-        quadratic.points.touches[static_cast<std::size_t>(q)];
+  for (std::size_t k = 0; k < quadratic.springs.size(); ++k) {
+    pressed_N_[static_cast<std::size_t>(quadratic.points.FromTip(quadratic.points.near[k]))] =
+        quadratic.springs[k].ContactForceN();
   }
 }
 
-void ActiveSet::Forget() { std::fill(pressed_.begin(), pressed_.end(), 0); }
+void ActiveSet::Forget() { std::fill(pressed_N_.begin(), pressed_N_.end(), 0); }
 
-void ActiveSet::Begin(const CurveQuadraticModel& quadratic, bool moved) {
-  active_.resize(quadratic.springs.size());
+void ActiveSet::Begin(bool moved, CurveQuadraticModel& quadratic) {
+  Reset(quadratic.springs);
   for (std::size_t k = 0; k < active_.size(); ++k) {
-    active_[k] =
-        moved
-            ? pressed_[static_cast<std::size_t>(quadratic.points.FromTip(quadratic.points.near[k]))]
-            : quadratic.springs[k].penetration_mm > 0;
+    WallSpring& spring = quadratic.springs[k];
+    const int q = quadratic.points.near[k];
+    const double pressed_N = moved
+                                 ? pressed_N_[static_cast<std::size_t>(quadratic.points.FromTip(q))]
+                                 : spring.ContactForceN();
+    if (spring.force_N != pressed_N) {
+      spring.Press(pressed_N, quadratic.points.clearance[static_cast<std::size_t>(q)]);
+    }
+    active_[k] = pressed_N > 0;
   }
 }
 
-int ActiveSet::Update(const Curve& curve, const CurveQuadraticModel& quadratic,
-                      const CurveStep& step) {
-  int last_changed = -1;
+void ActiveSet::Look(const Curve& curve, const CurveQuadraticModel& quadratic,
+                     const CurveStep& step) {
+  is_wrong_ = false;
   const int per_segment = quadratic.points.per_segment;
   const double lambda_mm = quadratic.points.spacing_mm * per_segment;
   for (std::size_t k = 0; k < quadratic.springs.size(); ++k) {
@@ -44,49 +113,29 @@ int ActiveSet::Update(const Curve& curve, const CurveQuadraticModel& quadratic,
     const double length = i == 0 ? curve.first_segment_mm() : lambda_mm;
     const double t = length * (q % per_segment + 1) / per_segment;
     const Vector3d moved = step.displacement_mm[i] + quadratic.frames[i] * (t * step.xi[i]);
-    const double penetration =
-        quadratic.springs[k].penetration_mm -
-        quadratic.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
-    const std::uint8_t presses = penetration > 0;
-    if (presses == active_[k]) continue;
-    active_[k] = presses;
-    last_changed = i;
+    solution_mm_[k] = quadratic.springs[k].penetration_mm -
+                      quadratic.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
+    if ((solution_mm_[k] > 0) != (active_[k] != 0)) is_wrong_ = true;
   }
-  return last_changed;
 }
 
-namespace {
-
-template <class Spring>
-double AtRest(const std::vector<Spring>& springs, const std::vector<std::uint8_t>& active) {
-  double sum = 0;
-  for (std::size_t k = 0; k < active.size(); ++k) {
-    const Spring& spring = springs[k];
-    const double energy =
-        spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;  // (12)
-    if (active[k] && spring.penetration_mm <= 0) sum += energy;
-    if (!active[k] && spring.penetration_mm > 0) sum -= energy;
-  }
-  return sum;
-}
-
-}  // namespace
-
-double ActiveSet::EnergyAtRest(const CurveQuadraticModel& quadratic) const {
-  return AtRest(quadratic.springs, active_);
+int ActiveSet::Update(const CurveQuadraticModel& quadratic) {
+  const int last = TakePressing();
+  if (last < 0) return -1;
+  return quadratic.points.near[static_cast<std::size_t>(last)] / quadratic.points.per_segment;
 }
 
 void BetweenSet::Begin(const BetweenCurves& between) {
-  active_.resize(between.springs.size());
+  Reset(between.springs);
   for (std::size_t k = 0; k < active_.size(); ++k) {
     active_[k] = between.springs[k].penetration_mm > 0;
   }
 }
 
-int BetweenSet::Update(const WireState& state, const WireMechanics& mechanics,
-                       const QuadraticModel& quadratic, const BetweenCurves& between,
-                       const std::vector<CurveStep>& steps) {
-  int last_changed = -1;
+void BetweenSet::Look(const WireState& state, const WireMechanics& mechanics,
+                      const QuadraticModel& quadratic, const BetweenCurves& between,
+                      const std::vector<CurveStep>& steps) {
+  is_wrong_ = false;
   const auto unknowns = [&](int curve, int segment) {
     const auto i = static_cast<std::size_t>(segment);
     const CurveStep& own = steps[static_cast<std::size_t>(curve)];
@@ -101,27 +150,18 @@ int BetweenSet::Update(const WireState& state, const WireMechanics& mechanics,
     const SegmentPair& on = between.groups[static_cast<std::size_t>(spring.group)];
     BetweenCurves::Vector moved;
     moved << unknowns(between.inner, on.inner), unknowns(between.outer, on.outer);
-    const std::uint8_t presses = spring.penetration_mm + spring.approach.dot(moved) > 0;
-    if (presses == active_[k]) continue;
-    active_[k] = presses;
-    last_changed = spring.group;
+    solution_mm_[k] = spring.penetration_mm + spring.approach.dot(moved);
+    if ((solution_mm_[k] > 0) != (active_[k] != 0)) is_wrong_ = true;
   }
-  return last_changed;
 }
 
-double BetweenSet::EnergyAtRest(const BetweenCurves& between) const {
-  return AtRest(between.springs, active_);
+int BetweenSet::Update(const BetweenCurves& between) {
+  const int last = TakePressing();
+  return last < 0 ? -1 : between.springs[static_cast<std::size_t>(last)].group;
 }
 
 std::uint64_t ActiveSet::Hash(std::uint64_t seed) const {
-  std::uint64_t word = 0;
-  for (std::size_t k = 0; k < pressed_.size(); ++k) {
-    word = word << 1 | pressed_[k];
-    if (k % 64 == 63 || k + 1 == pressed_.size()) {
-      seed = HashWord(word, seed);
-      word = 0;
-    }
-  }
+  for (const double force_N : pressed_N_) seed = HashDouble(force_N, seed);
   return seed;
 }
 

@@ -126,8 +126,8 @@ void Front<kRows>::Touch(const BetweenCurves::Terms& terms, const Slots& slots) 
     }
   }
   for (int d = 0; d < 3; ++d) {
-    force_N[slots.inner][d] += terms.gradient[d];
-    force_N[slots.outer][d] += terms.gradient[5 + d];
+    force_N[slots.inner][d] += terms.force[d];
+    force_N[slots.outer][d] += terms.force[5 + d];
   }
 }
 
@@ -173,8 +173,8 @@ bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain) {
   for (int d = 0; d < 3; ++d) along += segment.length_mm * beyond_N[d] * segment.tangent[d];
   if (segment.load != nullptr) {
     AddLoad<kAt>(segment, w);
-    along += segment.load->g1.dot(segment.tangent);
-    for (int d = 0; d < 3; ++d) beyond_N[d] += segment.load->g0[d];
+    along += segment.load->f1.dot(segment.tangent);
+    for (int d = 0; d < 3; ++d) beyond_N[d] += segment.load->f0[d];
   }
   for (int a = 0; a < 2; ++a) w.s[a][a] += segment.bend_weight_mJ - along;
   AddJoint<kAt>(segment, w);

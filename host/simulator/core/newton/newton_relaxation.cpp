@@ -301,6 +301,7 @@ AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& r
   const auto solution =
       solver_.Solve(state, record.weight, memory_.moved, memory_.active_sets, current);
   record.active_set_rounds = solution.rounds;
+  record.definite = solution.definite;
   if (solution.expected_mJ >= 0) {
     const double turn = solver_.LargestTurn();
     const double turning = turn > settings_.max_step_rad ? settings_.max_step_rad / turn : 1;
@@ -327,7 +328,7 @@ void NewtonMethod<Sweep>::Accept(const AttemptRecord& record, WireState& state,
                                  TickReport& report) {
   state.TakeStep(trial_);
   std::swap(memory_.current, trial_quadratic_);
-  memory_.stable = memory_.damping.weight() == 0;
+  memory_.stable = memory_.damping.weight() == 0 && record.definite;
   const bool well = record.step_scale == 1 && record.gained_mJ >= 0.5 * record.expected_mJ;
   memory_.damping.Accept(record.residual, well, memory_.moved);
   memory_.moved = memory_.paired = false;

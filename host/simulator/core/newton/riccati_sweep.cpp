@@ -174,10 +174,10 @@ void RiccatiSweep<Stage>::Assemble(const WireModel& model, const Curve& curve,
     for (int a = 0; a < 3; ++a) {
       const Pair g1 = Both(load.g1[a]);
       const Pair g0 = Both(load.g0[a]);
-      w.c += t[a] * g1;                // (19)
-      along += g1 * Both(tangent[a]);  // (14)
-      v.gx[a] += g0;                   // (22)
-      v.force[a] += g0;
+      w.c += t[a] * g1;                              // (19)
+      along += Both(load.f1[a]) * Both(tangent[a]);  // (14)
+      v.gx[a] += g0;                                 // (22)
+      v.force[a] += Both(load.f0[a]);
     }
   }
   // (17)

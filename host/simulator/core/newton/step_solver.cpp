@@ -13,6 +13,8 @@ using Eigen::Vector3d;
 
 namespace {
 
+constexpr double kNotFound = std::numeric_limits<double>::quiet_NaN();
+
 // Largest displacement of a node by a step, plus its `shift_mm` if given.
 double LongestMm(const WireModel& model, const Curve& curve, const CurveQuadraticModel& at,
                  const CurveStep& step, const std::vector<Vector3d>* shift_mm = nullptr) {
@@ -50,11 +52,15 @@ template <class Sweep>
 StepSolver<Sweep>::StepSolver(const WireMechanics& mechanics)
     : mechanics_(mechanics),
       sweep_(MakeSweep(mechanics)),
-      steps_(static_cast<std::size_t>(mechanics.curves())) {
+      steps_(static_cast<std::size_t>(mechanics.curves())),
+      best_(steps_.size()) {
   for (int c = 0; c < curves(); ++c) {
     const WireModel& model = mechanics.model(c);
-    steps_[static_cast<std::size_t>(c)].Reserve(static_cast<std::size_t>(model.max_segments()) + 1,
-                                                static_cast<std::size_t>(model.spins()));
+    for (std::vector<CurveStep>* steps : {&steps_, &best_}) {
+      (*steps)[static_cast<std::size_t>(c)].Reserve(
+          static_cast<std::size_t>(model.max_segments()) + 1,
+          static_cast<std::size_t>(model.spins()));
+    }
   }
   if (curves() == 1) return;
   for (const BetweenCurves& between : mechanics.MakeQuadraticModel().between) {
@@ -107,30 +113,45 @@ template <class Sweep>
 void StepSolver<Sweep>::Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets,
                               QuadraticModel& at) {
   for (int c = 0; c < curves(); ++c) {
-    wall_sets[static_cast<std::size_t>(c)].Begin(at.curve(c), moved);
+    wall_sets[static_cast<std::size_t>(c)].Begin(moved, at.curve(c));
   }
   for (std::size_t k = 0; k < between_sets_.size(); ++k) between_sets_[k].Begin(at.between[k]);
   TakeLoads(state, wall_sets, at);
 }
 
-// Updates the sets for the step. Returns the most distal change, as Refactor takes it, or -1.
+// Looks at the springs at s. Returns true if any set is wrong there.
 template <class Sweep>
-int StepSolver<Sweep>::UpdateSets(const WireState& state, const QuadraticModel& at,
-                                  std::vector<ActiveSet>& wall_sets) {
+bool StepSolver<Sweep>::AnyWrong(const WireState& state, const QuadraticModel& at,
+                                 std::vector<ActiveSet>& wall_sets) {
+  bool any = false;
+  for (int c = 0; c < curves(); ++c) {
+    const auto k = static_cast<std::size_t>(c);
+    wall_sets[k].Look(state.curve(c), at.curve(c), steps_[k]);
+    any = any || wall_sets[k].is_wrong();
+  }
+  for (std::size_t k = 0; k < between_sets_.size(); ++k) {
+    between_sets_[k].Look(state, mechanics_, at, at.between[k], steps_);
+    any = any || between_sets_[k].is_wrong();
+  }
+  return any;
+}
+
+// Makes the sets those of x. Returns the most distal change, as Refactor takes it, or -1.
+template <class Sweep>
+int StepSolver<Sweep>::UpdateSets(const QuadraticModel& at, std::vector<ActiveSet>& wall_sets) {
   if constexpr (!kFront) {
-    return wall_sets.front().Update(state, at, steps_.front());
+    return wall_sets.front().Update(at);
   } else {
     bool any = false;
     int first = std::numeric_limits<int>::max();
     for (int c = 0; c < curves(); ++c) {
-      const auto k = static_cast<std::size_t>(c);
-      const int segment = wall_sets[k].Update(state.curve(c), at.curve(c), steps_[k]);
+      const int segment = wall_sets[static_cast<std::size_t>(c)].Update(at.curve(c));
       if (segment < 0) continue;
       any = true;
       first = std::min(first, sweep_.OperationOf(c, segment));
     }
     for (std::size_t k = 0; k < between_sets_.size(); ++k) {
-      const int group = between_sets_[k].Update(state, mechanics_, at, at.between[k], steps_);
+      const int group = between_sets_[k].Update(at.between[k]);
       if (group < 0) continue;
       any = true;
       first = std::min(first, sweep_.OperationOfGroup(static_cast<int>(k), group));
@@ -139,17 +160,53 @@ int StepSolver<Sweep>::UpdateSets(const WireState& state, const QuadraticModel& 
   }
 }
 
+// Sum of value(set) over all sets.
 template <class Sweep>
-double StepSolver<Sweep>::EnergyAtRest(const std::vector<ActiveSet>& wall_sets,
-                                       const QuadraticModel& at) const {
-  double energy_mJ = 0;
-  for (int c = 0; c < curves(); ++c) {
-    energy_mJ += wall_sets[static_cast<std::size_t>(c)].EnergyAtRest(at.curve(c));
+template <class Value>
+double StepSolver<Sweep>::Sum(const std::vector<ActiveSet>& wall_sets, Value value) const {
+  double sum = 0;
+  for (const ActiveSet& set : wall_sets) sum += value(set);
+  for (const BetweenSet& set : between_sets_) sum += value(set);
+  return sum;
+}
+
+// Fraction of the way from x to s at which the one-sided model is least. The model of the sets
+// drops by `drop_mJ` on that way, as a parabola with its minimum at s.
+template <class Sweep>
+double StepSolver<Sweep>::LineMinimum(const std::vector<ActiveSet>& wall_sets,
+                                      double drop_mJ) const {
+  constexpr int kBisections = 20;
+  double low = 0;
+  double high = 1;
+  for (int k = 0; k < kBisections; ++k) {
+    const double fraction = (low + high) / 2;
+    const double slope_mJ =
+        -2 * (1 - fraction) * drop_mJ -
+        Sum(wall_sets, [&](const SpringSet& set) { return set.ExcessSlopeAt(fraction); });
+    (slope_mJ < 0 ? low : high) = fraction;
   }
-  for (std::size_t k = 0; k < between_sets_.size(); ++k) {
-    energy_mJ += between_sets_[k].EnergyAtRest(at.between[k]);
+  // Beyond the minimum a wrong spring is wrong at x too, so the set changes.
+  return high;
+}
+
+// Moves x by a fraction of the way to s. `first`: x is still the zero step.
+template <class Sweep>
+void StepSolver<Sweep>::MoveBest(double fraction, bool first, std::vector<ActiveSet>& wall_sets) {
+  const auto blend = [&](auto& best, const auto& solution) {
+    if (first) {
+      best = solution;
+      for (auto& part : best) part *= fraction;
+      return;
+    }
+    for (std::size_t i = 0; i < best.size(); ++i) best[i] += fraction * (solution[i] - best[i]);
+  };
+  for (std::size_t c = 0; c < steps_.size(); ++c) {
+    blend(best_[c].xi, steps_[c].xi);
+    blend(best_[c].spin, steps_[c].spin);
+    blend(best_[c].displacement_mm, steps_[c].displacement_mm);
   }
-  return energy_mJ;
+  for (ActiveSet& set : wall_sets) set.MoveBest(fraction);
+  for (BetweenSet& set : between_sets_) set.MoveBest(fraction);
 }
 
 template <class Sweep>
@@ -160,17 +217,39 @@ typename StepSolver<Sweep>::Solution StepSolver<Sweep>::Solve(const WireState& s
   constexpr int kRounds = 6;
   Begin(state, moved, wall_sets, at);
   int changed = kFront ? 0 : state.segments() - 1;
+  double best_mJ = 0;  // of the one-sided model at x
   for (int round = 1;; ++round) {
-    if (!Refactor(state, at, weight, changed)) return {.rounds = round};
-    const double decrease = Step(state, at);
-    if (!std::isfinite(decrease)) return {.rounds = round};
-    const double at_rest = EnergyAtRest(wall_sets, at);
-    changed = UpdateSets(state, at, wall_sets);
-    if (changed < 0 || round == kRounds) {
-      return {.expected_mJ = decrease - at_rest, .rounds = round};
+    const bool definite = Refactor(state, at, weight, changed);
+    const double decrease_mJ = definite ? Step(state, at) : kNotFound;
+    if (!std::isfinite(decrease_mJ)) return TakeBest(best_mJ, round, false);
+    // Energy at s; there the sets' model is the one-sided one if no set is wrong.
+    const double solution_mJ =
+        Sum(wall_sets, [](const SpringSet& set) { return set.ExcessAtRest(); }) - decrease_mJ;
+    if (!AnyWrong(state, at, wall_sets)) {
+      return {.expected_mJ = -solution_mJ, .rounds = round, .definite = true};
     }
+
+    const double drop_mJ = best_mJ +
+                           Sum(wall_sets, [](const SpringSet& set) { return set.ExcessAtBest(); }) -
+                           solution_mJ;
+    const double fraction = LineMinimum(wall_sets, drop_mJ);
+    const double left = 1 - fraction;
+    best_mJ = solution_mJ + left * left * drop_mJ -
+              Sum(wall_sets, [&](const SpringSet& set) { return set.ExcessAt(fraction); });
+    MoveBest(fraction, round == 1, wall_sets);
+    changed = UpdateSets(at, wall_sets);
+    if (changed < 0 || round == kRounds) return TakeBest(best_mJ, round, true);
     TakeLoads(state, wall_sets, at);
   }
+}
+
+// Makes x the step, unless it gains nothing.
+template <class Sweep>
+typename StepSolver<Sweep>::Solution StepSolver<Sweep>::TakeBest(double best_mJ, int rounds,
+                                                                 bool definite) {
+  if (!(best_mJ < 0)) return {.rounds = rounds};
+  std::swap(steps_, best_);
+  return {.expected_mJ = -best_mJ, .rounds = rounds, .definite = definite};
 }
 
 template <class Sweep>

@@ -24,7 +24,8 @@ class StepSolver {
     /// Decrease of the energy that the model predicts, mJ; negative if the model has no minimum or
     /// none was found. There is no step then.
     double expected_mJ = -1;
-    int rounds = 0;  ///< active sets that were tried
+    int rounds = 0;         ///< active sets that were tried
+    bool definite = false;  ///< the Hessian of the last active set is positive definite
   };
 
   /// Keeps a reference.
@@ -35,7 +36,8 @@ class StepSolver {
   void Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets,
              QuadraticModel& at);
   /// Minimizes the model, in which every near point has a one-sided spring. This is Newton's method
-  /// on a piecewise quadratic function. Leaves the loads of the last active set in `at`.
+  /// with an exact line search on a piecewise quadratic function. Leaves the loads of the last
+  /// active set in `at`.
   Solution Solve(const WireState& state, double weight, bool moved,
                  std::vector<ActiveSet>& wall_sets, QuadraticModel& at);
   /// Sets `trial` to `state` after the fraction `scale` of the step.
@@ -67,14 +69,20 @@ class StepSolver {
   double Step(const WireState& state, const QuadraticModel& at);
   void TakeLoads(const WireState& state, const std::vector<ActiveSet>& wall_sets,
                  QuadraticModel& at) const;
-  int UpdateSets(const WireState& state, const QuadraticModel& at,
-                 std::vector<ActiveSet>& wall_sets);
-  double EnergyAtRest(const std::vector<ActiveSet>& wall_sets, const QuadraticModel& at) const;
+  bool AnyWrong(const WireState& state, const QuadraticModel& at,
+                std::vector<ActiveSet>& wall_sets);
+  int UpdateSets(const QuadraticModel& at, std::vector<ActiveSet>& wall_sets);
+  template <class Value>
+  double Sum(const std::vector<ActiveSet>& wall_sets, Value value) const;
+  double LineMinimum(const std::vector<ActiveSet>& wall_sets, double drop_mJ) const;
+  Solution TakeBest(double best_mJ, int rounds, bool definite);
+  void MoveBest(double fraction, bool first, std::vector<ActiveSet>& wall_sets);
 
   const WireMechanics& mechanics_;
   Sweep sweep_;
   std::vector<BetweenSet> between_sets_;  // by pair of curves
-  std::vector<CurveStep> steps_;          // by curve
+  std::vector<CurveStep> steps_;          // by curve; in Solve those to s
+  std::vector<CurveStep> best_;           // and to x (active_set.h)
 };
 
 extern template class StepSolver<RiccatiSweep<BendStage>>;

@@ -367,21 +367,28 @@ BetweenCurves::Terms& BetweenCurves::TermsOf(int group) {
   if (to.any) return to;
   to.any = true;
   to.gradient.setZero();
+  to.force.setZero();
   to.hessian.setZero();
   return to;
 }
 
 void BetweenCurves::Add(const Spring& spring) {
   Terms& to = TermsOf(spring.group);
-  to.gradient += (spring.stiffness_N_mm * spring.penetration_mm) * spring.approach;
+  const Vector gradient = (spring.stiffness_N_mm * spring.penetration_mm) * spring.approach;
+  to.gradient += gradient;
   to.hessian += spring.stiffness_N_mm * spring.approach * spring.approach.transpose();
-  if (spring.penetration_mm > 0) to.hessian += spring.curvature;
+  if (!(spring.penetration_mm > 0)) return;
+  to.force += gradient;
+  to.hessian += spring.curvature;
 }
 
 void BetweenCurves::Add(const Slide& slide) {
   Terms& to = TermsOf(slide.group);
   const Eigen::Matrix2d& h = slide.load.hessian;
-  to.gradient += slide.load.gradient[0] * slide.along + slide.load.gradient[1] * slide.around;
+  const Vector gradient =
+      slide.load.gradient[0] * slide.along + slide.load.gradient[1] * slide.around;
+  to.gradient += gradient;
+  to.force += gradient;
   const Vector with_along = h(0, 0) * slide.along + h(0, 1) * slide.around;
   const Vector with_around = h(1, 0) * slide.along + h(1, 1) * slide.around;
   to.hessian += slide.along * with_along.transpose() + slide.around * with_around.transpose() +

@@ -56,6 +56,7 @@ struct BetweenCurves {
   struct Terms {
     bool any = false;
     Vector gradient;  ///< N, mJ
+    Vector force;     ///< like gradient, without springs that do not press
     Matrix hessian;
   };
   /// Sums over the slides of a pair of segments of instruments that twist, by instrument.

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -14,10 +13,6 @@
 namespace torquer::vessel {
 
 namespace {
-
-constexpr double kLeastVoxel_mm = 0.02;
-// A narrower band would reach less far than the bulges of a step; a wider one costs memory.
-constexpr double kBand_mm = 1;
 
 struct TubeSpec : TableSpec {
   std::string name;
@@ -69,7 +64,7 @@ const Keys<TubesSpec>& TubesKeys() {
           .Number("union_width_mm", &TubesSpec::union_width_mm, 0, 20, "mm",
                   "width over which the edges between tubes are rounded")
           .Otherwise("a third of the smallest radius, at most 0.25 mm")
-          .Number("voxel_mm", &TubesSpec::voxel_mm, kLeastVoxel_mm, 4, "mm",
+          .Number("voxel_mm", &TubesSpec::voxel_mm, 0.02, 4, "mm",
                   "finest cell of the distance field; at most half the thickness of the thinnest "
                   "wall between two lumens")
           .Number("join_tolerance_mm", &TubesSpec::join_tolerance_mm, 0.01, 50, "mm",
@@ -108,12 +103,8 @@ Tube MakeTube(const TubeSpec& spec) {
 // into memory.
 std::shared_ptr<const BrickField> MakeBricks(const std::shared_ptr<const TubeField>& field,
                                              const TubesSpec& spec) {
-  BrickFieldOptions options;
-  options.voxel_mm = spec.voxel_mm.value_or(
-      std::clamp(field->smallest_radius_mm() / 3, kLeastVoxel_mm, options.voxel_mm));
-  options.band_mm = kBand_mm;
   try {
-    return std::make_shared<const BrickField>(field, field->bounds_mm(), options);
+    return MakeTubeBricks(field, spec.voxel_mm);
   } catch (const UserError& error) {
     if (spec.voxel_mm) spec.origin.Refuse("voxel_mm", error.what());
     return nullptr;
