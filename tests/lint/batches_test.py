@@ -49,7 +49,7 @@ class Collisions(unittest.TestCase):
     def test_every_kind_of_name_collides(self):
         for definition in ("double kMost = 3;", "constexpr int kLeast = 1, kMost = 2;", "const std::string kMost(\"a\", 1);",
                            "std::array<int, 2> kMost{1, 2};", "const char kMost[] = R\"(a; { \")\";", "int kMost;",
-                           "enum class kMost : int { a };", "struct kMost final : Base<int> { int a; };", "class kMost {};",
+                           "enum class kMost : int { a };", "enum { kLeast, kMost = 3 };", "enum Ends : int { kMost, kLeast };", "struct kMost final : Base<int> { int a; };", "class kMost {};",
                            "using kMost = int;", "typedef int kMost;", "void kMost();\nvoid kMost() { if (a) { b(); } }",
                            "template <typename T>\nstd::vector<T> kMost(T a) { return {a}; }",
                            "[[nodiscard]] auto kMost() -> std::function<void(int)> { return {}; }",
