@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 try:
-    import gymnasium  # type: ignore[import]
+    import gymnasium as gymnasium  # type: ignore[import]
 
     Env: Any = gymnasium.Env
     VectorEnv: Any = gymnasium.vector.VectorEnv
