@@ -13,9 +13,8 @@ namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
-// A hand is still when it moved less than this for so long.
+// A hand is still when it moved less than this for kStillUs.
 constexpr double kStillMm = 0.25;
-constexpr std::int64_t kStillUs = 250000;
 
 // A sensor at rest counts nothing; one that looks at a shiny or distant surface does.
 constexpr std::int64_t kRestUs = 1500000;
@@ -24,10 +23,6 @@ constexpr std::int64_t kRestPatienceUs = 8000000;
 
 constexpr std::int64_t kLiftedUs = 200000;
 constexpr double kLiftCounts = 20.0;
-
-// Counts within which a released joystick lies still, and around the first rest.
-constexpr double kStickStill = 10.0;
-constexpr double kStickNearRest = 100.0;
 
 bool NumberWithin(double value, double low, double high) { return value >= low && value <= high; }
 
@@ -367,54 +362,6 @@ HandMotion Procedure::SinceMark() const {
   return {(static_cast<double>(last_->axial_counts) - mark_.axial) * gain,
           (static_cast<double>(last_->transverse_counts) - mark_.transverse) * gain /
               settings_.cylinder_radius_mm};
-}
-
-// --- joystick ------------------------------------------------------------------------------------
-
-void Procedure::Joystick(const Reading& reading) {
-  if (!rest_checked_ && releases_ == 0 && stick_moved_[0].empty()) {
-    rest_joystick_x_ = reading.joystick_x;
-    rest_joystick_y_ = reading.joystick_y;
-  }
-  stick_moved_[0].push_back(reading.joystick_x);
-  stick_moved_[1].push_back(reading.joystick_y);
-  const auto near_rest = [&](const Reading& at) {
-    return std::abs(at.joystick_x - rest_joystick_x_) < kStickNearRest &&
-           std::abs(at.joystick_y - rest_joystick_y_) < kStickNearRest;
-  };
-  if (!near_rest(reading)) {
-    stick_away_ = true;
-    return;
-  }
-  if (recent_.back().time_us - recent_.front().time_us < kStillUs) return;
-  for (const Reading& earlier : recent_) {
-    if (std::abs(earlier.joystick_x - reading.joystick_x) > kStickStill ||
-        std::abs(earlier.joystick_y - reading.joystick_y) > kStickStill) {
-      return;
-    }
-  }
-  stick_at_rest_[0].push_back(reading.joystick_x);
-  stick_at_rest_[1].push_back(reading.joystick_y);
-  if (!stick_away_) return;
-  stick_away_ = false;
-  if (++releases_ >= kStickReleases) EndJoystick();
-}
-
-void Procedure::EndJoystick() {
-  const double full_rate = JoystickAxis{}.full_rate_rad_per_s;
-  try {
-    axes_ = {FitJoystickAxis(stick_at_rest_[0], stick_moved_[0], full_rate),
-             FitJoystickAxis(stick_at_rest_[1], stick_moved_[1], full_rate)};
-  } catch (const UserError& error) {
-    return Say(Message::Kind::kRejected, error.what());
-  }
-  for (std::size_t i = 0; i < 2; ++i) {
-    const JoystickAxis& axis = (*axes_)[i];
-    Say(Message::Kind::kAccepted, (i == 0 ? "joystick left to right: " : "joystick near to far: ") +
-                                      fmt::format("rests at {:.0f}, from {:.0f} to {:.0f}",
-                                                  axis.center, axis.minimum, axis.maximum));
-  }
-  GoOn();
 }
 
 // --- the result ----------------------------------------------------------------------------------

@@ -97,6 +97,9 @@ struct ProcedureResult {
 /// Number of releases of the joystick: one after each of its ends.
 inline constexpr int kStickReleases = 4;
 
+/// Time for which a hand or a stick must be still.
+inline constexpr std::int64_t kStillUs = 250000;
+
 class Procedure {
  public:
   /// Throws UserError naming a setting that is out of range.

@@ -32,9 +32,6 @@ struct Scene::Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  /// Same as Scene::KeepField.
-  std::string KeepField() const;
-
   /// Returns a scene for one simulation only, because effects have state. It is this scene, or a
   /// twin if another simulation uses this one. These parts must outlive it.
   std::shared_ptr<scene::Scene> Lend() const;

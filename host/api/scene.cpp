@@ -42,12 +42,7 @@ Scene::Parts::Parts(scene::SceneSpec spec)
       folder(Absolute(scene->spec().folder)),
       instruments(InstrumentsOf(*scene)) {}
 
-Scene::Parts::~Parts() { KeepField(); }
-
-std::string Scene::Parts::KeepField() const {
-  const auto& surface = scene->vessel().surface;
-  return surface == nullptr ? "" : surface->SaveCache();
-}
+Scene::Parts::~Parts() { scene->KeepField(); }
 
 std::shared_ptr<scene::Scene> Scene::Parts::Lend() const {
   if (lent.exchange(true)) return scene->MakeTwin();
@@ -69,7 +64,7 @@ Scene Scene::FromText(const std::string& toml, const std::string& folder) {
   });
 }
 
-std::string Scene::KeepField() const { return parts_->KeepField(); }
+std::string Scene::KeepField() const { return parts_->scene->KeepField(); }
 const std::string& Scene::name() const { return parts_->scene->name(); }
 const std::string& Scene::path() const { return parts_->scene->path(); }
 std::string Scene::text() const { return scene::WriteScene(parts_->scene->spec()); }

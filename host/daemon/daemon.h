@@ -36,9 +36,8 @@ struct DaemonOptions {
 
 class Daemon {
  public:
-  /// Claims the instrument and finds its position: from the simulator, if one is on the bus, else
-  /// from what the previous daemon published less than kTakeUpWithinS ago, else zero. `bus` must
-  /// outlive the daemon. Throws UserError when the instrument is in use.
+  /// Claims the instrument, and continues from its position (start_position.h). `bus` must outlive
+  /// the daemon. Throws UserError when the instrument is in use.
   Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source);
 
   /// Reads and publishes until Stop(), then reports its end on the health channel. Throws UserError
@@ -56,7 +55,6 @@ class Daemon {
   const Statistics& statistics() const { return statistics_; }
 
   static constexpr int kFirstDeviceS = 5;
-  static constexpr int kTakeUpWithinS = 600;
 
  private:
   void OnEvent(const device::SourceEvent& event);
@@ -67,7 +65,6 @@ class Daemon {
   void OnDisconnected(const device::SourceEvent& event);
   void OnTick(std::int64_t now_us);
 
-  void TakeUpPosition();
   void TakeCalibrationOf(const std::string& serial);
   void CheckResolution();
   void Announce(const std::string& state, const std::string& message);

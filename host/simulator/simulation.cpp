@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "host/simulator/wire_status.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
@@ -207,16 +208,12 @@ std::vector<effects::Reading> Simulation::Readings() const {
 
 void Simulation::Observe() {
   hash_ = relaxation_->Hash(HashState(state_));
-  if (report_.converged) status_ |= protocol::kWireConverged;
-  if (report_.budget_spent) status_ |= protocol::kWireBudgetSpent;
-  if (report_.stalled) status_ |= protocol::kWireStalled;
-  if (report_.snapped) status_ |= protocol::kWireSnapped;
   const QuadraticModel& current = relaxation_->Current();
-  if (LeavesLumen(current.points) ||
+  const bool outside_lumen =
+      LeavesLumen(current.points) ||
       std::any_of(current.around.begin(), current.around.end(),
-                  [](const CurveQuadraticModel& curve) { return LeavesLumen(curve.points); })) {
-    status_ |= protocol::kWireOutsideLumen;
-  }
+                  [](const CurveQuadraticModel& curve) { return LeavesLumen(curve.points); });
+  status_ |= StatusBits(report_, outside_lumen);
 }
 
 void Simulation::Describe(torquer_lcm::wire_state_t& out) const {

@@ -1,15 +1,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "host/study/paper_bench.h"
 #include "host/study/paper_parts.h"
+#include "host/study/wires.h"
 
 namespace torquer::study {
 namespace {
 
-constexpr double kAngledTip = std::numbers::pi / 4;
 constexpr double kGoal = 0.10;  // share of the initial excess energy
 
 // Descent: excess energy over equilibrium against the time of the cycles.

@@ -12,6 +12,7 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/cpu_time.h"
+#include "host/study/quantile.h"
 #include "host/study/wires.h"
 #include "host/support/machine.h"
 
@@ -21,12 +22,6 @@ namespace {
 constexpr double kFriction = 0.1;
 constexpr double kSlipMm = 0.005;
 constexpr int kPlenty = 1000000;
-
-double Quantile(std::vector<double> values, double q) {
-  const auto k = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
-  return values[k];
-}
 
 // Wire in the T-Y phantom, relaxed by Newton's method.
 class NewtonRun {

@@ -10,6 +10,7 @@
 #include "host/api/row_run.h"
 #include "host/api/script_columns.h"
 #include "host/simulator/simulation.h"
+#include "host/study/quantile.h"
 
 namespace torquer::study {
 namespace {
@@ -67,12 +68,6 @@ void WriteAttempts(const Trace& trace, const std::string& path) {
     }
   }
   WriteWhole(path, text);
-}
-
-double Quantile(std::vector<double> values, double fraction) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(fraction * static_cast<double>(values.size() - 1))];
 }
 
 template <class Items, class Value>

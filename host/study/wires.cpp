@@ -2,24 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace torquer::study {
 
 namespace {
 
-constexpr double kTipMm = 10;
+constexpr double kCurvedTipMm = 10;
 constexpr double kStepMm = 1e-6;  // of the curvature, at the end of the tip
-constexpr double kAngledTip = std::numbers::pi / 4;
 
 // EI grows from `tip` to `shaft` along `taper_mm`, as the fourth power of a core whose diameter
-// grows linearly; the tip is curved by `angle` over kTipMm.
+// grows linearly; the tip is curved by `angle` over kCurvedTipMm.
 StudyWire Tapered(const std::string& name, double tip_N_mm2, double shaft_N_mm2, double taper_mm,
                   double radius_mm, double angle_rad, double wall_N_mm2) {
-  StudyWire wire{name, {}, kTipMm, wall_N_mm2};
+  StudyWire wire{name, {}, kCurvedTipMm, wall_N_mm2};
   const double a = std::pow(tip_N_mm2, 0.25);
   const double b = std::pow(shaft_N_mm2, 0.25);
-  std::vector<double> stations = {0, kTipMm, kTipMm + kStepMm};
+  std::vector<double> stations = {0, kCurvedTipMm, kCurvedTipMm + kStepMm};
   if (a != b) {
     for (int k = 1; k <= 24; ++k) stations.push_back(taper_mm * k / 24);
   }
@@ -28,7 +26,7 @@ StudyWire Tapered(const std::string& name, double tip_N_mm2, double shaft_N_mm2,
   for (const double s : stations) {
     const double core = a + (b - a) * std::min(1.0, s / taper_mm);
     wire.sections.push_back(
-        {s, std::pow(core, 4), radius_mm, s <= kTipMm ? angle_rad / kTipMm : 0, 0});
+        {s, std::pow(core, 4), radius_mm, s <= kCurvedTipMm ? angle_rad / kCurvedTipMm : 0, 0});
   }
   return wire;
 }

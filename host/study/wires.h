@@ -1,12 +1,16 @@
 // Study wires: the paper's wire, and two wires of commercial types.
 #pragma once
 
+#include <numbers>
 #include <string>
 #include <vector>
 
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer::study {
+
+/// Direction of an angled tip against the shaft.
+inline constexpr double kAngledTip = std::numbers::pi / 4;
 
 /// Wire and a matching wall stiffness.
 struct StudyWire {

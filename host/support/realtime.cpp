@@ -26,7 +26,7 @@ rlim_t LimitOf(__rlimit_resource resource) {
   return limit.rlim_cur;
 }
 
-[[noreturn]] void Refuse(const std::string& why, const std::string& line) {
+[[noreturn]] void RefuseLimit(const std::string& why, const std::string& line) {
   throw UserError(
       fmt::format("--realtime: {}; as root, write the line '{}' for this user into "
                   "/etc/security/limits.d/torquer.conf and log in again (host/daemon/README.md has "
@@ -52,15 +52,15 @@ void EnterRealtime() {
   const bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
   if (!locked || !LocksAnything()) {
     if (locked) munlockall();
-    Refuse(fmt::format("this user may lock only {} bytes of memory", LimitOf(RLIMIT_MEMLOCK)),
-           "USER - memlock unlimited");
+    RefuseLimit(fmt::format("this user may lock only {} bytes of memory", LimitOf(RLIMIT_MEMLOCK)),
+                "USER - memlock unlimited");
   }
   const sched_param priority{.sched_priority = kPriority};
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &priority) != 0) {
     munlockall();
-    Refuse(fmt::format("this user may have real-time priorities up to {}, but {} is needed",
-                       LimitOf(RLIMIT_RTPRIO), kPriority),
-           fmt::format("USER - rtprio {}", kPriority));
+    RefuseLimit(fmt::format("this user may have real-time priorities up to {}, but {} is needed",
+                            LimitOf(RLIMIT_RTPRIO), kPriority),
+                fmt::format("USER - rtprio {}", kPriority));
   }
   entered = true;
 }

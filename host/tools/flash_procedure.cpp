@@ -3,12 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 #include <utility>
 
 #include "host/device/sensor_firmware.h"
-#include "protocol/serial_number.h"
+#include "host/tools/board_reports.h"
 
 namespace torquer::tools {
 namespace {
@@ -17,15 +16,10 @@ using protocol::BootloaderStatusReport;
 using protocol::IdentityReport;
 using protocol::PageReport;
 
-constexpr int kLookMs = 50;
-// Time for udev to grant permissions, and for the kernel to create a serial port.
-constexpr int kSettleMs = 2000;
 // Timeout for a change between firmware and bootloader: reset, and enumeration by the host.
 constexpr int kChangeMs = 30000;
 // Timeout for the sensor, which needs some 100 ms after the start.
 constexpr int kSensorMs = 2000;
-
-constexpr std::uint8_t kApplicationGood = 1 << 0, kSettingsGood = 1 << 1, kSensorGood = 1 << 2;
 
 constexpr char kAgain[] = "Run the same command again: it finishes the update.";
 // State of a lost board, depending on the time of the loss.
@@ -37,29 +31,6 @@ constexpr char kNoApplication[] =
 constexpr char kNewOrNone[] =
     "The board has the new firmware, or none and waits in its bootloader. ";
 constexpr char kNew[] = "The new firmware is complete and starts when the board gets power. ";
-
-template <typename Report>
-Report Get(FeatureLink& link, std::uint8_t id) {
-  const std::vector<std::uint8_t> bytes = link.Get(id, sizeof(Report));
-  if (bytes.size() != sizeof(Report)) {
-    throw ReportRefused(
-        fmt::format("report {} has {} bytes instead of {}", id, bytes.size(), sizeof(Report)));
-  }
-  Report report;
-  std::memcpy(&report, bytes.data(), sizeof(report));
-  return report;
-}
-
-template <typename Report>
-void Set(FeatureLink& link, const Report& report) {
-  link.Set({reinterpret_cast<const std::uint8_t*>(&report), sizeof(report)});
-}
-
-std::string SerialOf(const BootloaderStatusReport& status) {
-  char serial[protocol::kSerialBytes + 1] = {};
-  protocol::MakeSerialNumber(status.given_serial, status.chip_serial, serial);
-  return serial;
-}
 
 void Command(FeatureLink& link, protocol::BootloaderCommand command, std::uint16_t address = 0) {
   Set(link, protocol::BootloaderCommandReport{
@@ -73,15 +44,16 @@ void WritePage(FeatureLink& link, const FlashImage& image, int index) {
   Set(link, report);
 }
 
-std::string Where(const Board& board) { return "USB " + board.place; }
-
 }  // namespace
 
 FlashProcedure::FlashProcedure(Boards& boards, FlashRequest request, FlashHooks hooks)
-    : boards_(boards), request_(std::move(request)), hooks_(std::move(hooks)) {}
+    : boards_(boards),
+      request_(std::move(request)),
+      hooks_(std::move(hooks)),
+      search_(boards, request_.device, request_.port) {}
 
 std::optional<FlashOutcome> FlashProcedure::Run() {
-  const Found found = Find();
+  const FoundBoard found = search_.Find();
   hooks_.say("found: " + found.state);
   const FlashImage image = LoadImage(found);
   CheckFits(found, image);
@@ -107,7 +79,7 @@ std::optional<FlashOutcome> FlashProcedure::Run() {
 
 int FlashProcedure::LoadSensorImage(const std::string& path) {
   const std::vector<std::uint8_t> image = device::ReadSromFile(path);
-  const Found found = Find();
+  const FoundBoard found = search_.Find();
   hooks_.say("found: " + found.state);
   if (found.board.mode != BoardMode::kFirmware) {
     throw UserError(
@@ -150,153 +122,7 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
   }
 }
 
-Board FlashProcedure::Choose() {
-  if (!request_.port.empty()) {
-    for (const Board& board : boards_.List()) {
-      if (board.mode == BoardMode::kSketch && board.port == request_.port) return board;
-    }
-    Board board;
-    board.mode = BoardMode::kCaterina;
-    board.port = request_.port;
-    return board;
-  }
-  for (int waited = 0;; waited += kLookMs) {
-    std::vector<Board> boards = boards_.List();
-    const bool settled = std::none_of(boards.begin(), boards.end(),
-                                      [](const Board& b) { return !b.problem.empty(); });
-    if (settled || waited >= kSettleMs) {
-      std::string seen;
-      std::vector<Board> wanted;
-      for (const Board& board : boards) {
-        if (!request_.device.empty() && board.problem.empty() &&
-            (board.mode == BoardMode::kFirmware || board.mode == BoardMode::kBootloader) &&
-            Examine(board).serial != request_.device) {
-          seen += " " + Examine(board).serial;
-          continue;
-        }
-        wanted.push_back(board);
-      }
-      if (wanted.size() > 1 && request_.device.empty()) {
-        std::string places;
-        for (const Board& board : wanted) places += "; " + Examine(board).state;
-        throw UserError("several boards are plugged in" + places +
-                        ". Choose one with --device SERIAL, or unplug the others.");
-      }
-      const auto of_ours = std::find_if(wanted.begin(), wanted.end(), [](const Board& b) {
-        return b.mode == BoardMode::kFirmware || b.mode == BoardMode::kBootloader;
-      });
-      if (!request_.device.empty() && of_ours == wanted.end()) {
-        throw UserError("no board with the serial number " + request_.device + " is plugged in" +
-                        (seen.empty() ? "." : "; there is:" + seen + "."));
-      }
-      if (wanted.empty()) {
-        throw UserError(
-            "no board found. Plug in the bench device. A new Arduino board has to be reset first "
-            "(a "
-            "Pro Micro twice within a second); then run torquer-flash within 8 s.");
-      }
-      return of_ours != wanted.end() ? *of_ours : wanted.front();
-    }
-    boards_.Sleep(kLookMs);
-  }
-}
-
-FlashProcedure::Found FlashProcedure::Find() { return Examine(Choose()); }
-
-FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
-  if (!board.problem.empty()) throw UserError(Where(board) + ": " + board.problem);
-  Found found;
-  found.board = board;
-  found.clock_mhz = board.clock_mhz;
-  try {
-    switch (board.mode) {
-      case BoardMode::kFirmware:
-        return ExamineFirmware(board);
-      case BoardMode::kBootloader:
-        return ExamineBootloader(board);
-      case BoardMode::kCaterina:
-        found.state = board.place.empty() ? "a board in Caterina at " + board.port
-                                          : Where(board) + ", in Arduino's Caterina bootloader";
-        return found;
-      case BoardMode::kSketch:
-        found.state =
-            fmt::format("{} at {}, which runs an Arduino program", Where(board), board.port);
-        if (!board.port.empty() && board.port == request_.port) return found;
-        throw UserError(
-            Where(board) + " runs an Arduino program. " +
-            (board.port.empty()
-                 ? ""
-                 : fmt::format("If that may be overwritten, name its port: torquer-flash --port "
-                               "{}. Or reset it ",
-                               board.port)) +
-            (board.port.empty() ? "Reset it " : "") +
-            "(a Pro Micro twice within a second), which starts its bootloader for 8 s, and run the "
-            "same command again.");
-      case BoardMode::kDfu:
-        throw UserError(
-            Where(board) +
-            " is in the chip's factory bootloader (DFU), which starts an application without a "
-            "check. Install Torquer's bootloader by ISP (firmware/bootloader/README.md), or only "
-            "the firmware: dfu-programmer atmega32u4 erase && dfu-programmer atmega32u4 flash "
-            "FILE.hex && dfu-programmer atmega32u4 reset");
-    }
-  } catch (const BoardLost& lost) {
-    throw UserError(
-        fmt::format("{}: the board is gone ({}). Nothing was changed. Check the cable and "
-                    "run the same command again.",
-                    Where(board), lost.what()));
-  } catch (const ReportRefused& refused) {
-    throw UserError(
-        fmt::format("{}: the board does not report its identity ({}). Nothing was changed. Unplug "
-                    "it, plug it in and run the same command again.",
-                    Where(board), refused.what()));
-  }
-  return found;
-}
-
-FlashProcedure::Found FlashProcedure::ExamineFirmware(const Board& board) {
-  Found found;
-  found.board = board;
-  const auto link = boards_.Open(board);
-  const auto identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
-  found.serial = board.serial;
-  found.clock_mhz = identity.clock_mhz;
-  found.installed =
-      FirmwareVersion{identity.firmware_major, identity.firmware_minor, identity.firmware_patch};
-  found.state = fmt::format("{} at {}, running firmware {} at {} MHz", found.serial, Where(board),
-                            found.installed->Text(), found.clock_mhz);
-  if (!(identity.self_test & kApplicationGood)) found.state += ", which is damaged";
-  return found;
-}
-
-FlashProcedure::Found FlashProcedure::ExamineBootloader(const Board& board) {
-  Found found;
-  found.board = board;
-  const auto link = boards_.Open(board);
-  const auto status = Get<BootloaderStatusReport>(*link, protocol::kBootloaderStatusReportId);
-  found.serial = SerialOf(status);
-  const std::string name = found.serial + " at " + Where(board);
-  if (status.protocol_version != protocol::kBootloaderProtocolVersion ||
-      status.board != protocol::kBoardBenchAtmega32u4) {
-    throw UserError(
-        fmt::format("{}: its bootloader has version {} for board {}; this program supports version "
-                    "{} for board "
-                    "{}. Use the torquer-flash of the release that the bootloader is from.",
-                    name, int{status.protocol_version}, int{status.board},
-                    protocol::kBootloaderProtocolVersion, protocol::kBoardBenchAtmega32u4));
-  }
-  found.clock_mhz = status.clock_mhz;
-  found.state = fmt::format("{}, in our bootloader at {} MHz, ", name, found.clock_mhz);
-  if (status.application_valid) {
-    found.installed = VersionOf(status.trailer);
-    found.state += "with firmware " + found.installed->Text() + " ready to start";
-  } else {
-    found.state += "without a valid application: an update was interrupted, or there was none yet";
-  }
-  return found;
-}
-
-FlashImage FlashProcedure::LoadImage(const Found& found) const {
+FlashImage FlashProcedure::LoadImage(const FoundBoard& found) const {
   if (!request_.image.empty()) return FlashImage::FromFile(request_.image);
   if (found.clock_mhz == 0) {
     throw UserError(
@@ -308,7 +134,7 @@ FlashImage FlashProcedure::LoadImage(const Found& found) const {
   return FlashImage::FromFile(std::filesystem::path(request_.image_folder) / name);
 }
 
-void FlashProcedure::CheckFits(const Found& found, const FlashImage& image) const {
+void FlashProcedure::CheckFits(const FoundBoard& found, const FlashImage& image) const {
   if (found.clock_mhz != 0 && found.clock_mhz != image.trailer().clock_mhz) {
     throw UserError(
         fmt::format("the image is for a board of {} MHz, but this board has {} MHz, so USB would "
@@ -327,7 +153,7 @@ void FlashProcedure::StopIfWanted(const std::string& state) const {
   if (hooks_.stop()) throw FlashUnfinished("stopped. " + state);
 }
 
-bool FlashProcedure::IsSame(const Board& board, const Found& before) {
+bool FlashProcedure::IsSame(const Board& board, const FoundBoard& before) {
   if (!board.problem.empty()) return false;
   // The kernel may not have created its serial port yet.
   if (board.mode == BoardMode::kCaterina && board.port.empty()) return false;
@@ -350,7 +176,8 @@ bool FlashProcedure::IsSame(const Board& board, const Found& before) {
 }
 
 // Waits until the board runs its firmware if `firmware` is set, else one of its bootloaders.
-std::optional<Board> FlashProcedure::WaitFor(const Found& before, int milliseconds, bool firmware) {
+std::optional<Board> FlashProcedure::WaitFor(const FoundBoard& before, int milliseconds,
+                                             bool firmware) {
   for (int waited = 0; waited < milliseconds; waited += kLookMs) {
     for (const Board& board : boards_.List()) {
       const bool is_bootloader =
@@ -366,7 +193,7 @@ std::optional<Board> FlashProcedure::WaitFor(const Found& before, int millisecon
   return std::nullopt;
 }
 
-Board FlashProcedure::EnterBootloader(const Found& found) {
+Board FlashProcedure::EnterBootloader(const FoundBoard& found) {
   if (found.board.mode == BoardMode::kSketch) return AskSketch(found);
   if (found.board.mode != BoardMode::kFirmware) return found.board;
   hooks_.say("asking the firmware to start the bootloader");
@@ -395,7 +222,7 @@ Board FlashProcedure::EnterBootloader(const Found& found) {
   return *board;
 }
 
-Board FlashProcedure::AskSketch(const Found& found) {
+Board FlashProcedure::AskSketch(const FoundBoard& found) {
   hooks_.say("asking the Arduino program to start its bootloader");
   hooks_.ask_sketch(found.board.port);
   const std::optional<Board> board = WaitFor(found, kChangeMs, /*firmware=*/false);
@@ -454,7 +281,7 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
   }
 }
 
-FlashOutcome FlashProcedure::ReadSelfTest(const Found& before, const FlashImage& image) {
+FlashOutcome FlashProcedure::ReadSelfTest(const FoundBoard& before, const FlashImage& image) {
   hooks_.say("waiting for the new firmware");
   const auto no_answer = [](const std::string& why) {
     return FlashUnfinished(

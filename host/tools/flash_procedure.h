@@ -8,10 +8,9 @@
 #include <string>
 
 #include "host/support/error.h"
+#include "host/tools/board_search.h"
 #include "host/tools/flash_board.h"
 #include "host/tools/flash_image.h"
-#include "protocol/bootloader_reports.h"
-#include "protocol/hid_reports.h"
 
 namespace torquer::tools {
 
@@ -72,32 +71,20 @@ class FlashProcedure {
   int LoadSensorImage(const std::string& path);
 
  private:
-  struct Found {
-    Board board;
-    std::string serial;
-    int clock_mhz = 0;
-    std::optional<FirmwareVersion> installed;  // version of a valid application
-    std::string state;                         // description for the user
-  };
-
-  Found Find();
-  Board Choose();
-  Found Examine(const Board& board);
-  Found ExamineFirmware(const Board& board);
-  Found ExamineBootloader(const Board& board);
-  FlashImage LoadImage(const Found& found) const;
-  void CheckFits(const Found& found, const FlashImage& image) const;
-  Board EnterBootloader(const Found& found);
-  Board AskSketch(const Found& found);
+  FlashImage LoadImage(const FoundBoard& found) const;
+  void CheckFits(const FoundBoard& found, const FlashImage& image) const;
+  Board EnterBootloader(const FoundBoard& found);
+  Board AskSketch(const FoundBoard& found);
   void WriteByBootloader(const Board& board, const FlashImage& image);
-  FlashOutcome ReadSelfTest(const Found& before, const FlashImage& image);
-  std::optional<Board> WaitFor(const Found& before, int milliseconds, bool firmware);
-  bool IsSame(const Board& board, const Found& before);
+  FlashOutcome ReadSelfTest(const FoundBoard& before, const FlashImage& image);
+  std::optional<Board> WaitFor(const FoundBoard& before, int milliseconds, bool firmware);
+  bool IsSame(const Board& board, const FoundBoard& before);
   void StopIfWanted(const std::string& state) const;
 
   Boards& boards_;
   FlashRequest request_;
   FlashHooks hooks_;
+  BoardSearch search_;
 };
 
 }  // namespace torquer::tools

@@ -27,7 +27,7 @@
 namespace torquer::emulator {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
+using Packet = std::vector<std::uint8_t>;
 
 constexpr char kMotionHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
 constexpr auto kPatience = std::chrono::seconds(120);
@@ -88,22 +88,22 @@ class Client {
     } while (std::chrono::steady_clock::now() < deadline);
     FAIL("nobody listens at " << path_);
   }
-  void Send(const Bytes& packet) {
+  void Send(const Packet& packet) {
     REQUIRE(send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL) ==
             static_cast<ssize_t>(packet.size()));
   }
   /// Next packet; empty once the device has closed the connection.
-  Bytes Receive() {
+  Packet Receive() {
     pollfd event{socket_, POLLIN, 0};
     REQUIRE(poll(&event, 1, 20000) == 1);
-    Bytes packet(100);
+    Packet packet(100);
     const ssize_t size = recv(socket_, packet.data(), packet.size(), 0);
     packet.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
     return packet;
   }
   /// Next packet that is not an input report.
-  Bytes Answer() {
-    Bytes packet;
+  Packet Answer() {
+    Packet packet;
     do {
       packet = Receive();
     } while (!packet.empty() && packet[0] == 'I');
@@ -111,7 +111,7 @@ class Client {
   }
   std::vector<protocol::InputReport> ReadToEnd() {
     std::vector<protocol::InputReport> reports;
-    for (Bytes packet = Receive(); !packet.empty(); packet = Receive()) {
+    for (Packet packet = Receive(); !packet.empty(); packet = Receive()) {
       if (packet[0] != 'I') continue;
       REQUIRE(packet.size() == 1 + sizeof(protocol::InputReport));
       protocol::InputReport report;
@@ -147,27 +147,27 @@ TEST_CASE("feature reports are read and written over the socket, nonsense is ref
   RunningEmulator run({});
   Client client(run.socket());
   client.Send({'G', protocol::kConfigurationReportId});
-  Bytes configuration = client.Answer();
+  Packet configuration = client.Answer();
   REQUIRE(configuration.size() == 17);
   CHECK(configuration[0] == 'F');
   configuration[0] = 'S';
   configuration[3] = 0x20;  // 800 counts per inch
   configuration[4] = 0x03;
   client.Send(configuration);
-  CHECK(client.Answer() == Bytes{'D'});
+  CHECK(client.Answer() == Packet{'D'});
   client.Send({'G', protocol::kConfigurationReportId});
   configuration[0] = 'F';
   CHECK(client.Answer() == configuration);
   configuration[0] = 'S';
   configuration[3] = 1;
   client.Send(configuration);
-  CHECK(client.Answer() == Bytes{'X'});
+  CHECK(client.Answer() == Packet{'X'});
   client.Send({'G', 77});
-  CHECK(client.Answer() == Bytes{'X'});
+  CHECK(client.Answer() == Packet{'X'});
   client.Send({'?'});
-  CHECK(client.Answer() == Bytes{'X'});
+  CHECK(client.Answer() == Packet{'X'});
   client.Send({'G'});
-  CHECK(client.Answer() == Bytes{'X'});
+  CHECK(client.Answer() == Packet{'X'});
   CHECK(client.ReadToEnd().back().cpi == 800);
 }
 
@@ -243,14 +243,14 @@ TEST_CASE("settings outlive a run in the EEPROM file") {
   {
     RunningEmulator run(options);
     Client client(run.socket());
-    Bytes packet(17);
+    Packet packet(17);
     packet[0] = 'S';
     packet[1] = protocol::kConfigurationReportId;
     packet[2] = protocol::kProtocolVersion;
     packet[3] = 0x20;
     packet[4] = 0x03;
     client.Send(packet);
-    CHECK(client.Answer() == Bytes{'D'});
+    CHECK(client.Answer() == Packet{'D'});
     client.ReadToEnd();
     run.Finish();
   }

@@ -10,6 +10,7 @@
 #include "host/emulator/usb_host.h"
 #include "host/tools/flash_board.h"
 #include "host/tools/flash_procedure.h"
+#include "protocol/bootloader_reports.h"
 #include "protocol/usb_ids.h"
 #include "tests/support/paths.h"
 

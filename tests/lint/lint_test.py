@@ -108,6 +108,33 @@ class Links(Tree):
             self.assertIn("has no such heading", self.objection(link))
 
 
+class Layout(Tree):
+    """Result of tests/lint/layout in a small checkout."""
+
+    def setUp(self):
+        super().setUp()
+        root = os.path.dirname(os.path.dirname(HERE))
+        for name in ("tests/lint/layout", "tests/lint/tracked", "host/script_library", ".clang-format"):
+            with open(os.path.join(root, name), encoding="utf-8") as file:
+                self.write(name, file.read())
+        subprocess.run(["git", "init", "-q", self.root], check=True)
+
+    def faults(self, name: str, text: str) -> str:
+        self.write(name, text)
+        subprocess.run(["git", "-C", self.root, "add", name], check=True)
+        done = subprocess.run(["bash", os.path.join(self.root, "tests/lint/layout")], capture_output=True, text=True,
+                              check=False)
+        self.assertEqual(done.returncode != 0, bool(done.stdout + done.stderr))
+        return done.stdout + done.stderr
+
+    def test_layout_and_length(self):
+        self.assertEqual(self.faults("a.cpp", "int a;\n" * 450), "")
+        self.assertIn("should be clang-formatted", self.faults("a.cpp", "int  a;\n"))
+        self.assertEqual(self.faults("a.cpp", "int a;\n"), "")
+        self.assertEqual(self.faults("b.py", "a = 1\n" * 451),
+                         "b.py: has more than 450 lines; divide it by responsibility\n")
+
+
 class Recipes(unittest.TestCase):
     """Findings of tests/lint/recipes in a guide before any build."""
 

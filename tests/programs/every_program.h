@@ -12,6 +12,9 @@
 
 namespace torquer::test {
 
+/// Words of a command line.
+using Words = std::vector<std::string>;
+
 /// Names of all programs except the tests.
 inline std::vector<std::string> Programs() {
   std::vector<std::string> programs;

@@ -19,6 +19,7 @@ using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
 using torquer::test::ChildProcess;
 using torquer::test::Programs;
+using torquer::test::Words;
 
 namespace {
 
@@ -26,8 +27,6 @@ struct ProgramOutcome {
   int status = -1;
   std::string output, error;
 };
-
-using Words = std::vector<std::string>;
 
 ProgramOutcome RunProgram(const std::string& program, const Words& command, const Words& words) {
   // A program that ignores its command line might do its work instead and never end.

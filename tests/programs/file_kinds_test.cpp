@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/programs/every_program.h"
 #include "tests/support/child_process.h"
 #include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
@@ -20,11 +21,10 @@
 using Catch::Matchers::Contains;
 using torquer::test::ChildProcess;
 using torquer::test::Contents;
+using torquer::test::Words;
 namespace fs = std::filesystem;
 
 namespace {
-
-using Words = std::vector<std::string>;
 
 // Kind of file at a path, and its name in messages.
 struct Kind {

@@ -5,11 +5,12 @@ import math
 import pytest
 import torquer
 import torquer.envs
+from torquer._navigation import with_keys
 
 
 def test_safety_is_not_known_where_no_step_converged():
     whole = torquer.Scene(torquer.scene_path("ty_phantom"))
-    text = torquer.envs._with_keys(whole.text, "relaxation", {"budget_units": 4})
+    text = with_keys(whole.text, "relaxation", {"budget_units": 4})
     scene = torquer.Scene.from_text(text, whole.folder)
     task = torquer.envs.Task("main", 140.0, force_limit_mN=1e6, tolerance=1e-10)
     env = torquer.envs.NavigationEnv(scene, task)

@@ -14,203 +14,30 @@ gymnasium.vector.VectorEnv. Then register() makes them known to gymnasium.make a
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
-import re
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation, scene_path
-from ._torquer import Navigation, NavigationPool, NavigationTask
-
-try:
-    import gymnasium  # type: ignore[import]
-
-    _Env: Any = gymnasium.Env
-    _VectorEnv: Any = gymnasium.vector.VectorEnv
-    _Box: Any = gymnasium.spaces.Box
-except ImportError:
-    gymnasium = None
-
-    class _PlainBox:
-        """Part of gymnasium.spaces.Box that the environments and simple agents use."""
-
-        def __init__(
-            self, low: Any, high: Any, shape: Optional[Tuple[int, ...]] = None, dtype: Any = None
-        ) -> None:
-            self.dtype = np.dtype(dtype or np.float32)
-            self.shape = tuple(np.shape(low)) if shape is None else shape
-            self.low = np.broadcast_to(np.asarray(low, self.dtype), self.shape)
-            self.high = np.broadcast_to(np.asarray(high, self.dtype), self.shape)
-            self._random = np.random.default_rng()
-
-        def seed(self, seed: Optional[int] = None) -> None:
-            self._random = np.random.default_rng(seed)
-
-        def sample(self) -> npt.NDArray[Any]:
-            if self.dtype == np.uint8:
-                return self._random.integers(0, 256, self.shape, dtype=np.uint8)
-            low = np.maximum(self.low, -1e6)
-            high = np.minimum(self.high, 1e6)
-            return self._random.uniform(low, high).astype(self.dtype)
-
-        def contains(self, x: Any) -> bool:
-            return bool(
-                isinstance(x, np.ndarray)
-                and x.dtype == self.dtype
-                and x.shape == self.shape
-                and (x >= self.low).all()
-                and (x <= self.high).all()
-            )
-
-    _Env = object
-    _VectorEnv = object
-    _Box = _PlainBox
+from ._navigation import (
+    INFO,
+    Prepared,
+    Task as Task,
+    chosen_rotation,
+    generator,
+    start_rotation,
+    whole,
+)
+from ._spaces import Box, Env, VectorEnv as _BaseVectorEnv, gymnasium as gymnasium
+from ._torquer import NavigationPool
 
 Array = npt.NDArray[Any]
 
 
-
-def _with_keys(text: str, section: str, values: Dict[str, Any]) -> str:
-    """Text of a scene with these keys set in a section, which is added if it is missing."""
-    kept: List[str] = []
-    at = ""
-    for line in text.splitlines():
-        if line.startswith("["):
-            at = line
-        if at == f"[{section}]" and re.match(r"(\w+)\s*=", line) and line.split("=")[0].strip() in values:
-            continue
-        kept.append(line)
-    if f"[{section}]" not in kept:
-        kept += ["", f"[{section}]"]
-    index = kept.index(f"[{section}]") + 1
-    kept[index:index] = [f"{key} = {value!r}" for key, value in values.items()]
-    return "\n".join(kept) + "\n"
-
-
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """Target for the tip of an instrument, and limits for the motion of hands."""
-
-    centerline: str
-    at_mm: float
-    within_mm: float = 3.0
-    instrument: int = 0
-    step_s: float = 0.1
-    longest_mm: float = 2.0
-    """Largest insertion or retraction in one step."""
-    largest_turn_rad: float = 0.5
-    """Largest turn in one step."""
-    force_limit_mN: float = math.inf
-    """Force on a patch of the wall; above it no success is safe."""
-    max_steps: int = 400
-    tolerance: float = 1e-4
-    """Tolerance to which a step is relaxed; a scene's default is 1e-6."""
-    segment_mm: Optional[float] = None
-    """Segment length of the wire; None: that of the scene. Longer ones are faster and coarser."""
-    picture_px: Optional[int] = None
-    """Width and height of pictures, 64 to 1024; None: those of the scene."""
-
-    def for_training(self) -> Task:
-        """Task with faster, less accurate steps: see the table in host/python/README.md."""
-        return dataclasses.replace(self, tolerance=1e-3, segment_mm=2.0, longest_mm=1.0)
-
-
-def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
-    """Scene with the settings of a task, and with an observer of the wall's force."""
-    keys: Dict[str, Any] = {"tolerance": task.tolerance}
-    if task.segment_mm is not None:
-        keys["segment_mm"] = float(task.segment_mm)
-    text = _with_keys(scene.text, "relaxation", keys)
-    if "wall_force" not in scene.effects:
-        text = _with_keys(text, "effects.wall_force", {"threshold_mN": 100.0})
-    if sees and "fluoroscopy" not in scene.effects:
-        raise Error(f"{scene.name} has no X-ray pictures; add [effects.fluoroscopy]")
-    if sees and task.picture_px is not None:
-        size = _whole("picture_px", task.picture_px, 64, 1024)
-        text = _with_keys(text, "effects.fluoroscopy", {"width_px": size, "height_px": size})
-    return Scene.from_text(text, scene.folder)
-
-
-def _whole(what: str, value: Any, lowest: int, highest: int) -> int:
-    """Checks a whole number that a user gave."""
-    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and lowest <= value <= highest:
-        return int(value)
-    raise Error(f"{what} is {value!r}; give a whole number from {lowest} to {highest}")
-
-
-class _Prepared:
-    """Common parts of a single environment and a vector of them."""
-
-    def __init__(self, scene: Union[Scene, str], task: Task, observation: str, sees: bool) -> None:
-        if observation not in ("vector", "picture"):
-            raise Error(f"observation is {observation!r}; give 'vector' or 'picture'")
-        given = scene if isinstance(scene, Scene) else Scene(scene)
-        count = len(given.instruments)
-        _whole("instrument", task.instrument, 0, count - 1)
-        _whole("max_steps", task.max_steps, 1, 2**31 - 1)
-        sees = sees or observation == "picture"
-        self.scene = _scene_of(given, task, sees)
-        self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0)
-        self.task = NavigationTask(
-            instrument=task.instrument,
-            within_mm=task.within_mm,
-            step_s=task.step_s,
-            longest_mm=task.longest_mm,
-            largest_turn_rad=task.largest_turn_rad,
-            force_limit_mN=task.force_limit_mN,
-            max_steps=task.max_steps,
-            pictures=sees,
-            route=self.route,
-        )
-        self.navigation = Navigation(self.scene, self.task)
-        self.action_size = 2 * count
-        self.vector_size = len(self.navigation.observe())
-
-    def observation_space(self, observation: str) -> Any:
-        if observation == "vector":
-            # No point of a wire is farther from the entry than the wire's length.
-            longest_mm = [one.max_length_mm for one in self.scene.instruments]
-            steps_mm = np.diff(self.route, axis=0, prepend=self.navigation.simulation.nodes_mm[:1])
-            far_mm = 2 * max(longest_mm) + np.linalg.norm(steps_mm, axis=1).sum()
-            turns = [1.0] * 2 * len(longest_mm)
-            points = [far_mm] * (self.vector_size - len(longest_mm) - len(turns))
-            high = np.array([*points, *longest_mm, *turns], np.float32)
-            low = np.array([*np.negative(points), *np.zeros(len(longest_mm)), *np.negative(turns)], np.float32)
-            return _Box(low, high, dtype=np.float32)
-        height, width = self.navigation.take_picture().shape
-        return _Box(0, 255, (height, width, 1), np.uint8)
-
-
-def _chosen_rotation(options: Optional[Dict[str, Any]]) -> Optional[float]:
-    """Rotation in the options, or None."""
-    if options is not None and not isinstance(options, dict):
-        raise Error(f"options are {options!r}; give a dict, as {{'rotation_rad': 0.5}}")
-    chosen = (options or {}).get("rotation_rad")
-    if chosen is None:
-        return None
-    try:
-        return float(chosen)
-    except (TypeError, ValueError):
-        raise Error(f"rotation_rad is {chosen!r}; give a number") from None
-
-
-def _rotation(random: np.random.Generator, chosen: Optional[float]) -> float:
-    drawn = random.uniform(-math.pi, math.pi)
-    return float(drawn) if chosen is None else chosen
-
-
-def _generator(seed: Optional[int]) -> np.random.Generator:
-    return np.random.default_rng(None if seed is None else _whole("seed", seed, 0, 2**63 - 1))
-
-
-_INFO = ("success", "safe_success", "wall_force_mN", "path_mm", "remaining_mm", "time_s")
-
-
-class NavigationEnv(_Env):  # type: ignore[misc]
+class NavigationEnv(Env):  # type: ignore[misc]
     """Moves the tip of an instrument to a place on a centerline.
 
     Actions: feed and turn of each instrument, -1 .. 1 as fractions of the limits in Task; shape
@@ -239,14 +66,14 @@ class NavigationEnv(_Env):  # type: ignore[misc]
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise Error(f"render_mode is {render_mode!r}; give None or 'rgb_array'")
-        prepared = _Prepared(scene, task, observation, render_mode is not None)
+        prepared = Prepared(scene, task, observation, render_mode is not None)
         self.scene = prepared.scene
         self.task = task
         self.observation = observation
         self.render_mode = render_mode
         self._navigation = prepared.navigation
         self._random = np.random.default_rng()
-        self.action_space = _Box(-1.0, 1.0, (prepared.action_size,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
         self.observation_space = prepared.observation_space(observation)
 
     @property
@@ -259,15 +86,15 @@ class NavigationEnv(_Env):  # type: ignore[misc]
     ) -> Tuple[Array, Dict[str, Any]]:
         """Returns to the start. options: "rotation_rad", that of the task's instrument at the start.
         Without it the rotation is random, by the seed."""
-        chosen = _chosen_rotation(options)
+        chosen = chosen_rotation(options)
         if chosen is not None:
             self._navigation.check_rotation(chosen)
         if seed is not None or gymnasium is not None and self._np_random is None:
-            random = _generator(seed)
+            random = generator(seed)
             if gymnasium is not None:
                 super().reset(seed=seed)
             self._random = random
-        self._navigation.reset(_rotation(self._random, chosen))
+        self._navigation.reset(start_rotation(self._random, chosen))
         return self._observe(), self._info(self._navigation.facts)
 
     def step(self, action: npt.ArrayLike) -> Tuple[Array, float, bool, bool, Dict[str, Any]]:
@@ -293,7 +120,7 @@ class NavigationEnv(_Env):  # type: ignore[misc]
 
     @staticmethod
     def _info(facts: List[float]) -> Dict[str, Any]:
-        info: Dict[str, Any] = dict(zip(_INFO, facts[3:]))
+        info: Dict[str, Any] = dict(zip(INFO, facts[3:]))
         info["success"] = facts[3] != 0
         info["safe_success"] = None if math.isnan(facts[4]) else facts[4] != 0
         return info
@@ -316,7 +143,7 @@ def make(
     return NavigationEnv(scene_path(name), TASKS[name], observation, render_mode)
 
 
-class VectorEnv(_VectorEnv):  # type: ignore[misc]
+class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
     """Many environments of one task that step in threads, with the interface of gymnasium.vector.
 
     Each gives the same as a NavigationEnv with the same seed and actions, bit for bit, for any
@@ -344,34 +171,34 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
         default. copy: True: observations of all environments are copies. False: the next step
         overwrites them."""
-        count = _whole("count", count, 1, 100_000)
+        count = whole("count", count, 1, 100_000)
         if threads is not None:
-            threads = _whole("threads", threads, 1, 1024)
+            threads = whole("threads", threads, 1, 1024)
         if task is None:
             if name not in TASKS:
                 raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}; or give a task")
             task = TASKS[str(name)]
             name = scene_path(str(name))
-        prepared = _Prepared(name, task, observation, False)
+        prepared = Prepared(name, task, observation, False)
         self.scene = prepared.scene
         self.task = task
         self.num_envs = count
         self.copy = copy
         self.single_observation_space = prepared.observation_space(observation)
-        self.single_action_space = _Box(-1.0, 1.0, (prepared.action_size,), np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
         single = self.single_observation_space
-        self.observation_space = _Box(
+        self.observation_space = Box(
             np.broadcast_to(single.low, (count, *single.shape)),
             np.broadcast_to(single.high, (count, *single.shape)),
             dtype=single.dtype,
         )
-        self.action_space = _Box(-1.0, 1.0, (count, prepared.action_size), np.float32)
+        self.action_space = Box(-1.0, 1.0, (count, prepared.action_size), np.float32)
         # Gymnasium has these modes since 1.1.
         modes = getattr(getattr(gymnasium, "vector", None), "AutoresetMode", None)
         if modes is not None:
             self.metadata = {**self.metadata, "autoreset_mode": modes.NEXT_STEP}
         self._observations = np.zeros((count, *single.shape), single.dtype)
-        self._facts = np.zeros((3 + len(_INFO), count))
+        self._facts = np.zeros((3 + len(INFO), count))
         self._begun = False  # True after the first reset
         self._ended = np.zeros(count, bool)
         self._at_work = np.zeros(count, bool)
@@ -397,18 +224,18 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         elif isinstance(seed, (list, tuple, np.ndarray)):
             seeds = seed
         else:
-            first = _whole("seed", seed, 0, 2**63 - 1 - self.num_envs)
+            first = whole("seed", seed, 0, 2**63 - 1 - self.num_envs)
             seeds = [first + k for k in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise Error(f"there are {len(seeds)} seeds; give {self.num_envs}, or one")
         # Checks all arguments before the first environment begins.
-        chosen = _chosen_rotation(options)
+        chosen = chosen_rotation(options)
         if chosen is not None:
             self._pool.check_rotation(chosen)
-        made = [None if one is None else _generator(one) for one in seeds]
+        made = [None if one is None else generator(one) for one in seeds]
         self._randoms = [old if new is None else new for old, new in zip(self._randoms, made)]
         for k, random in enumerate(self._randoms):
-            self._pool.reset(k, _rotation(random, chosen))
+            self._pool.reset(k, start_rotation(random, chosen))
             self._at_work[k] = True
         self._begun = True
         observations, _, _, _, info = self.recv()
@@ -444,7 +271,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         ended = self._ended[which]
         self._pool.step(which[~ended], rows[~ended])
         for k in which[ended]:
-            self._pool.reset(int(k), _rotation(self._randoms[k], None))
+            self._pool.reset(int(k), start_rotation(self._randoms[k], None))
         self._at_work[which] = True
 
     def recv(self, count: Optional[int] = None) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
@@ -454,7 +281,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         if not self._at_work.any():
             raise Error("no environment is running; call send() with actions first")
         if count is not None:
-            count = _whole("count", count, 1, 2**31 - 1)
+            count = whole("count", count, 1, 2**31 - 1)
         try:
             ids = np.sort(np.array(self._pool.wait(self.num_envs if count is None else count), int))
         except Error:
@@ -464,7 +291,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         facts = self._facts[:, ids]
         everything = len(ids) == self.num_envs
         observations = self._observations if everything and not self.copy else self._observations[ids]
-        info: Dict[str, Any] = dict(zip(_INFO, facts[3:]))
+        info: Dict[str, Any] = dict(zip(INFO, facts[3:]))
         info["success"] = facts[3] != 0
         info["safe_success"] = facts[4] == 1
         # Gymnasium's mask: False where the value is not known.

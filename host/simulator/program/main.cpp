@@ -50,10 +50,7 @@ class AtTheEnd {
 };
 
 auto KeepField(const torquer::scene::Scene& scene) {
-  return AtTheEnd([&scene] {
-    const auto& surface = scene.vessel().surface;
-    return surface == nullptr ? std::string() : surface->SaveCache();
-  });
+  return AtTheEnd([&scene] { return scene.KeepField(); });
 }
 
 void Say(const std::vector<std::string>& findings) {

@@ -9,9 +9,9 @@
 #include <type_traits>
 #include <utility>
 
+#include "host/simulator/wire_status.h"
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
-#include "protocol/lcm_channels.h"
 
 namespace torquer::program {
 
@@ -111,11 +111,7 @@ void AddInstrument(List& list, const std::string& name, std::size_t k) {
 
 // Status bits as on the bus.
 std::int64_t StatusOf(const StateRow& row) {
-  const StepReport& last = row.cost().last_tick;
-  return (last.converged ? protocol::kWireConverged : 0) |
-         (last.budget_spent ? protocol::kWireBudgetSpent : 0) |
-         (row.simulation().outside_lumen() ? protocol::kWireOutsideLumen : 0) |
-         (last.snapped ? protocol::kWireSnapped : 0) | (last.stalled ? protocol::kWireStalled : 0);
+  return simulator::StatusBits(row.cost().last_tick, row.simulation().outside_lumen());
 }
 
 std::vector<StateField> AllFields(const Simulation& simulation) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "host/simulator/vessel/lumen_check.h"
+#include "host/simulator/vessel/mesh_vessel.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
 
@@ -128,6 +129,10 @@ WireModel Scene::MakeInstrument(const InstrumentSpec& spec, double segment_mm,
   }
   return WireModel(segment_mm, std::move(sections), spec.tip_mm, spec.max_length_mm, law,
                    spec.entry ? own_entry_.sheath : entry_.sheath);
+}
+
+std::string Scene::KeepField() const {
+  return vessel_.surface == nullptr ? "" : vessel_.surface->SaveCache();
 }
 
 std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) const {

@@ -42,6 +42,9 @@ class Scene {
   const std::string& path() const { return spec_.path; }
   const std::string& name() const { return spec_.name; }
   const vessel::Vessel& vessel() const { return vessel_; }
+  /// Saves the vessel's built field for the next run (MeshVessel::SaveCache). Returns the reason of
+  /// a failure, otherwise empty; a vessel without a surface has nothing to save.
+  std::string KeepField() const;
   const vessel::PatientAxes& axes() const { return axes_; }
   const InstrumentStack& stack() const { return *stack_; }
   /// Combined rod of all instruments.

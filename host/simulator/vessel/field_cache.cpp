@@ -12,6 +12,8 @@
 #include <cstring>
 #include <filesystem>
 
+#include "host/simulator/vessel/file_descriptor.h"
+
 namespace torquer::vessel {
 
 namespace {
@@ -53,14 +55,6 @@ struct Mapping {
   size_t size = 0;
   ~Mapping() {
     if (bytes != nullptr) munmap(const_cast<char*>(bytes), size);
-  }
-};
-
-// A file descriptor that closes itself.
-struct Descriptor {
-  int number;
-  ~Descriptor() {
-    if (number >= 0) close(number);
   }
 };
 
@@ -116,8 +110,8 @@ std::string DefaultCacheFolder() {
 std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKey& key,
                                           std::string* why) {
   why->clear();
-  const Descriptor file{open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
-  if (file.number < 0) {
+  const FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (file.number() < 0) {
     if (errno != ENOENT) *why = path + " cannot be read (" + std::strerror(errno) + ")";
     return std::nullopt;
   }
@@ -126,7 +120,7 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
     return std::nullopt;
   };
   struct stat status {};
-  if (fstat(file.number, &status) != 0 || !S_ISREG(status.st_mode))
+  if (fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode))
     return refuse("is not an ordinary file");
   if (status.st_uid != geteuid() || (status.st_mode & 022) != 0) {
     return refuse("belongs to another user, or other users may write it");
@@ -134,7 +128,7 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
   const auto size = static_cast<size_t>(status.st_size);
   if (size < sizeof(Header)) return refuse("is cut short");
   auto mapping = std::make_shared<Mapping>();
-  void* mapped = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.number, 0);
+  void* mapped = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.number(), 0);
   if (mapped == MAP_FAILED)
     return refuse(std::string("cannot be mapped into memory: ") + std::strerror(errno));
   mapping->bytes = static_cast<const char*>(mapped);
@@ -164,7 +158,7 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
     return refuse("is damaged");
   }
 
-  futimens(file.number, nullptr);  // last use: TidyCacheFolder removes the least recently used
+  futimens(file.number(), nullptr);  // last use: TidyCacheFolder removes the least recently used
   CachedField field;
   field.surface.assign(mapping->bytes + surface_at,
                        mapping->bytes + surface_at + header.surface_bytes);
@@ -183,9 +177,9 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
 }
 
 bool IsFieldCache(const std::string& path) {
-  const Descriptor file{open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+  const FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   char magic[sizeof kMagic] = {};
-  return file.number >= 0 && read(file.number, magic, sizeof magic) == sizeof magic &&
+  return file.number() >= 0 && read(file.number(), magic, sizeof magic) == sizeof magic &&
          std::memcmp(magic, kMagic, sizeof kMagic) == 0;
 }
 
@@ -221,18 +215,18 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
   header.checksum = Checksum(&header, offsetof(Header, checksum));
 
   std::string temporary = path + ".XXXXXX";
-  const Descriptor file{mkostemp(temporary.data(), O_CLOEXEC)};
+  const FileDescriptor file(mkostemp(temporary.data(), O_CLOEXEC));
   const auto fail = [&](const std::string& what) {
     const std::string reason = std::strerror(errno);
-    if (file.number >= 0) unlink(temporary.c_str());
+    if (file.number() >= 0) unlink(temporary.c_str());
     return what + " (" + reason + ")";
   };
-  if (file.number < 0) return fail(path + " cannot be written");
-  flock(file.number, LOCK_EX | LOCK_NB);  // until it closes: TidyCacheFolder tests it
+  if (file.number() < 0) return fail(path + " cannot be written");
+  flock(file.number(), LOCK_EX | LOCK_NB);  // until it closes: TidyCacheFolder tests it
   const char padding[16] = {};
   const auto put = [&](const void* bytes, size_t size) {
-    return WriteAll(file.number, bytes, size) &&
-           WriteAll(file.number, padding, Padded(size) - size);
+    return WriteAll(file.number(), bytes, size) &&
+           WriteAll(file.number(), padding, Padded(size) - size);
   };
   bool whole = put(&header, sizeof header) && put(surface.data(), surface.size()) &&
                put(directory.data(), directory_bytes);
@@ -245,12 +239,12 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
     buffer.resize(buffer.size() + 2);
     std::memcpy(&buffer[buffer.size() - 2], &checksum, sizeof checksum);
     if (buffer.size() >= kBricksAtOnce * kBrickFloats || i + 1 == bricks.size()) {
-      whole = WriteAll(file.number, buffer.data(), buffer.size() * sizeof(float));
+      whole = WriteAll(file.number(), buffer.data(), buffer.size() * sizeof(float));
       buffer.clear();
     }
   }
   if (!whole) return fail(temporary + " cannot be written");
-  if (fsync(file.number) != 0) return fail(temporary + " cannot be flushed to the disk");
+  if (fsync(file.number()) != 0) return fail(temporary + " cannot be flushed to the disk");
   if (std::rename(temporary.c_str(), path.c_str()) != 0) return fail(path + " cannot be replaced");
   return "";
 }

@@ -39,9 +39,9 @@ constexpr double kNoShare = 1e-9;
 constexpr double kLeastSaid = 1e-6;
 // A region is a sheet if its winding numbers deviate on average more than this from integers.
 constexpr double kSheet = 0.25;
-constexpr size_t kSamples = 64;
+constexpr size_t kSheetSamples = 64;
 // Largest number of face pairs that the report counts.
-constexpr size_t kMostCuts = 1'000'000;
+constexpr size_t kMostCounted = 1'000'000;
 
 // The winding number on either side of a face.
 struct Sides {
@@ -110,7 +110,7 @@ std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
 // encloses nothing, and near 0 for a wall.
 double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
                   const SurfaceRegion& region) {
-  const size_t stride = region.faces.size() / kSamples + 1;
+  const size_t stride = region.faces.size() / kSheetSamples + 1;
   double sum = 0, weight = 0;
   for (size_t i = 0; i < region.faces.size(); i += stride) {
     const double area = AreaOf(mesh, region.faces[i]);
@@ -204,7 +204,7 @@ Verdict Judge(const TriangleBvh& surface) {
   for (const SurfaceRegion& region : RegionsOf(mesh)) {
     // Winding numbers are constant over a region unless something passes through it without an edge
     // there.
-    const size_t samples = std::min(region.faces.size(), kSamples);
+    const size_t samples = std::min(region.faces.size(), kSheetSamples);
     std::set<std::pair<long, long>> seen;
     for (size_t i = 0; i < samples; ++i) seen.insert(whole(region.faces[i]));
     for (const int32_t face : region.rim) seen.insert(whole(face));
@@ -354,7 +354,7 @@ void Report(const United& united, const TriangleMesh& before,
 void Unite(SurfaceMesh& surface, const std::string& name) {
   MeshReport& report = surface.report;
   const TriangleBvh before(surface.mesh);
-  const auto cuts = before.FindIntersections(kMostCuts);
+  const auto cuts = before.FindIntersections(kMostCounted);
   int parts = 0;
   repair::Parts(before.mesh(), &parts);
   if (cuts.empty() && parts == 1 && repair::FacesAtUnbalancedEdges(before.mesh()).empty()) return;

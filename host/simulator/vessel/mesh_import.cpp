@@ -20,6 +20,7 @@
 #include <system_error>
 #include <vector>
 
+#include "host/simulator/vessel/file_descriptor.h"
 #include "host/simulator/vessel/mesh_answer.h"
 #include "host/support/error.h"
 #include "host/support/input_file.h"
@@ -35,30 +36,8 @@ using Clock = std::chrono::steady_clock;
   throw std::system_error(error, std::generic_category(), what);
 }
 
-// A file descriptor that closes itself.
-class Descriptor {
- public:
-  Descriptor() = default;
-  explicit Descriptor(int number) : number_(number) {}
-  ~Descriptor() { Close(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int number() const { return number_; }
-  void Set(int number) {
-    Close();
-    number_ = number;
-  }
-  void Close() {
-    if (number_ >= 0) close(number_);
-    number_ = -1;
-  }
-
- private:
-  int number_ = -1;
-};
-
 // Makes `file` a file in memory with these bytes, at its beginning.
-void Fill(Descriptor& file, const std::string& bytes) {
+void Fill(FileDescriptor& file, const std::string& bytes) {
   file.Set(memfd_create("torquer-surface", MFD_CLOEXEC));
   if (file.number() < 0) Fail("memfd_create", errno);
   for (std::size_t done = 0; done < bytes.size();) {
@@ -94,7 +73,7 @@ class Reading {
       : reader_(reader),
         end_(Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                 std::chrono::duration<double>(reader.clock_s))) {
-    Descriptor input, writing;
+    FileDescriptor input, writing;
     Fill(input, contents);
     int ends[2];
     if (pipe2(ends, O_CLOEXEC) != 0) Fail("pipe2", errno);
@@ -169,7 +148,7 @@ class Reading {
   }
 
   Ending WaitForEnd() {
-    const Descriptor process(static_cast<int>(syscall(SYS_pidfd_open, child_, 0)));
+    const FileDescriptor process(static_cast<int>(syscall(SYS_pidfd_open, child_, 0)));
     if (process.number() >= 0 && !WaitFor(process.number())) return Ending::kTooLong;
     int status = 0;
     if (!Reap(&status)) return Ending::kAnswered;  // the answer itself shows if it is complete
@@ -187,7 +166,7 @@ class Reading {
 
   const MeshReader& reader_;
   Clock::time_point end_;
-  Descriptor answer_;
+  FileDescriptor answer_;
   pid_t child_ = -1;
 };
 

@@ -9,12 +9,11 @@
 namespace torquer::effects {
 
 using Eigen::Vector3d;
-using Mode = FluoroscopySettings::Mode;
 
 namespace {
 
 struct FluoroscopySpec : TableSpec {
-  Mode mode = Mode::kPlain;
+  FluoroscopySettings::Mode mode = FluoroscopySettings::Mode::kPlain;
   std::optional<Vector3d> isocenter_mm;
   std::optional<Vector3d> body_center_mm;
   int width_px = 512;

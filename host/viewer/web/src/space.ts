@@ -4,34 +4,22 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setText } from "./dom.js";
 import type { Lines, Scene, VesselSurface, WireState } from "./frames.js";
+import { Instruments, measuresForces } from "./instruments.js";
+import { drawLegend } from "./legend.js";
 import { VesselMotion } from "./motion.js";
+import { drawsBySoftware, makeRenderer } from "./renderer.js";
 import { fewerTriangles } from "./simplify.js";
-import { Tube, colorAt } from "./tube.js";
 
-const FORCE_MN = 50; // the end of the scale
-const DEPTH_UM = 100; // the same where the scene measures no forces
-const OUTER = ["#e8eef2", "#7fc7d9", "#c9a3ff", "#ffc98a"];
 const DRAWN_RADIUS = 0.0019; // of the distance to the camera, at least: else a whole aorta hides its wire
 const OUTSIDE_FOV_DEG = 35;
 const INSIDE_FOV_DEG = 80;
 const BEHIND_TIP_MM = 9; // where the eye within the lumen is
 const FARTHEST_MIDDLE_MM = 30; // of a lumen from a wire within it
-const SAME_ENTRY_MM = 1e-3;
 const LINE_COLOR = "#62737f";
 const ROUTE_COLOR = "#8fd3ff";
 // Without a graphics card: drawing takes the cores that the simulator needs.
 const SOFTWARE_TRIANGLES = 12000;
 const SOFTWARE_FRAME_MS = 20; // from frame to frame, at least
-
-/** True if this browser renders 3D in software. */
-function drawsBySoftware(): boolean {
-  const probe = document.createElement("canvas").getContext("webgl2");
-  const names = probe?.getExtension("WEBGL_debug_renderer_info");
-  if (probe == null || names == null) return false;
-  const name = String(probe.getParameter(names.UNMASKED_RENDERER_WEBGL));
-  probe.getExtension("WEBGL_lose_context")?.loseContext();
-  return /SwiftShader|llvmpipe|softpipe|Basic Render/i.test(name);
-}
 
 /** Drawn points that go with the vessel. */
 interface Moving {
@@ -51,8 +39,7 @@ export class Space {
   private readonly vesselMaterial = new THREE.MeshPhongMaterial({
     color: "#e07a88", transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false, shininess: 40,
   });
-  private readonly wireMaterial = new THREE.MeshPhongMaterial({ vertexColors: true, emissive: "#181818" });
-  private readonly tubes: Tube[] = [];
+  private readonly instruments = new Instruments();
   private readonly tip = new THREE.Mesh(
     new THREE.SphereGeometry(1, 16, 12), new THREE.MeshBasicMaterial({ color: "#ffd166" }));
   private readonly guides = new THREE.Group(); // centerlines, route and target
@@ -81,14 +68,14 @@ export class Space {
   frames = 0;
 
   constructor() {
-    this.renderer = this.makeRenderer();
+    this.renderer = makeRenderer(this.canvas, this.bySoftware);
     this.world.background = new THREE.Color("#10151a");
     this.world.add(new THREE.HemisphereLight("#ffffff", "#53606a", 1.7), this.patient);
     const lamp = new THREE.DirectionalLight("#ffffff", 1.6);
     lamp.position.set(-1, 1, 2);
     this.camera.add(lamp);
     this.world.add(this.camera);
-    this.patient.add(this.tip, this.guides);
+    this.patient.add(this.instruments.group, this.tip, this.guides);
     this.tip.visible = false;
     this.orbit = new OrbitControls(this.camera, this.canvas);
     this.orbit.enableDamping = false;
@@ -99,7 +86,7 @@ export class Space {
     element("#home").addEventListener("click", () => this.showAll());
     element("#inside").addEventListener("click", () => this.lookFromInside(!this.inside));
     element("#section").addEventListener("click", () => this.section(!this.cutting));
-    this.drawLegend(false);
+    this.showLegend(false);
   }
 
   setScene(scene: Scene): void {
@@ -116,13 +103,7 @@ export class Space {
     this.patient.position.copy(this.center.clone().applyQuaternion(this.patient.quaternion).negate());
     const size = max.clone().sub(min).multiplyScalar(0.5).applyQuaternion(this.patient.quaternion);
     this.halfMm.set(Math.abs(size.x), Math.abs(size.y), Math.abs(size.z));
-    for (const tube of this.tubes) this.patient.remove(tube.mesh);
-    this.tubes.length = 0;
-    for (let k = 0; k < scene.instruments.length; ++k) {
-      const tube = new Tube(k === 0 ? this.wireMaterial : this.outerMaterial(k));
-      this.tubes.push(tube);
-      this.patient.add(tube.mesh);
-    }
+    this.instruments.setCount(scene.instruments.length);
     this.showVessel();
     this.showLines();
     this.showAll();
@@ -141,8 +122,8 @@ export class Space {
 
   setState(state: WireState): void {
     this.state = state;
-    const measured = Space.measures(state);
-    if (measured !== this.legendMeasured) this.drawLegend(measured);
+    const measured = measuresForces(state);
+    if (measured !== this.legendMeasured) this.showLegend(measured);
     if (this.following) this.lookAtTip();
     if (this.inside) this.placeEye();
     this.changed = true;
@@ -256,7 +237,7 @@ export class Space {
 
   /** Middle of each ring of the tube of an instrument as it is drawn: for tests. */
   tubeMm(instrument: number): number[][] {
-    return this.tubes[instrument]?.middles() ?? [];
+    return this.instruments.middlesMm(instrument);
   }
 
   private showLines(): void {
@@ -365,73 +346,16 @@ export class Space {
     this.cut.setFromNormalAndCoplanarPoint(this.camera.getWorldDirection(new THREE.Vector3()), tip);
   }
 
-  private static measures(state: WireState): boolean {
-    return state.contactMN.length > 0 && !Number.isNaN(state.contactMN[0]!);
-  }
-
   private placeInstruments(): void {
     const [state, scene] = [this.state, this.scene];
-    if (state === null || scene === null || state.instruments.length !== this.tubes.length) return;
-    const measured = Space.measures(state);
+    if (state === null || scene === null || state.instruments.length !== this.instruments.count) return;
     const leastMm = DRAWN_RADIUS * this.camera.position.distanceTo(this.orbit.target);
-    for (const [k, tube] of this.tubes.entries()) {
-      const radius = Math.max(scene.instruments[k]!.radius_mm, leastMm * (1 + 0.5 * this.countInside(state, k)));
-      const own = state.instruments[k]!.nodesMm;
-      if (own.length > 0) {
-        tube.set(own, own.length / 3, radius, (_, out) => colorAt(0, out));
-        continue;
-      }
-      const count = k === 0 ? state.nodesMm.length / 3 : this.nodesOf(state, k);
-      const share = (node: number) =>
-        measured ? state.contactMN[node]! / FORCE_MN : state.depthUm[node]! / DEPTH_UM;
-      tube.set(state.nodesMm, count, radius, (node, out) => colorAt(share(node), out));
-    }
+    this.instruments.place(state, scene, leastMm);
     this.tip.position.fromArray(state.instruments[0]!.tipMm);
     this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
     // From inside the lumen it would fill the view.
     this.tip.visible = !this.inside;
     this.target.scale.setScalar(Math.max(this.lines?.target?.radius_mm ?? 0, 3 * leastMm));
-  }
-
-  private makeRenderer(): THREE.WebGLRenderer | null {
-    try {
-      const renderer = new THREE.WebGLRenderer({
-        canvas: this.canvas, antialias: !this.bySoftware, preserveDrawingBuffer: true,
-      });
-      renderer.localClippingEnabled = true;
-      return renderer;
-    } catch {
-      setText(element("#space-notice"), "The 3D view needs WebGL, which this browser does not have.");
-      return null;
-    }
-  }
-
-  private outerMaterial(k: number): THREE.Material {
-    return new THREE.MeshPhongMaterial({
-      color: OUTER[k % OUTER.length]!, transparent: true, opacity: 0.45, depthWrite: false,
-    });
-  }
-
-  // Instruments within instrument k. One beside it enters elsewhere.
-  private countInside(state: WireState, k: number): number {
-    const entry = (j: number) => {
-      const own = state.instruments[j]!.nodesMm;
-      return new THREE.Vector3().fromArray(own.length > 0 ? own : state.nodesMm);
-    };
-    const at = entry(k);
-    return state.instruments.slice(0, k).filter((_, j) => entry(j).distanceTo(at) < SAME_ENTRY_MM).length;
-  }
-
-  // An instrument ends at its tip: the node that is nearest to it.
-  private nodesOf(state: WireState, k: number): number {
-    const tip = state.instruments[k]!.tipMm;
-    let [best, nearest] = [Infinity, 0];
-    for (let i = 0; i < state.nodesMm.length / 3; ++i) {
-      const d = Math.hypot(
-        state.nodesMm[3 * i]! - tip[0], state.nodesMm[3 * i + 1]! - tip[1], state.nodesMm[3 * i + 2]! - tip[2]);
-      if (d < best) [best, nearest] = [d, i];
-    }
-    return nearest + 1;
   }
 
   private showVessel(): void {
@@ -483,18 +407,8 @@ export class Space {
     this.changed = true;
   }
 
-  private drawLegend(measured: boolean): void {
+  private showLegend(measured: boolean): void {
     this.legendMeasured = measured;
-    const scale = element<HTMLCanvasElement>("#legend canvas");
-    const screen = scale.getContext("2d")!;
-    const color = new THREE.Color();
-    for (let x = 0; x < scale.width; ++x) {
-      screen.fillStyle = `#${colorAt(x / (scale.width - 1), color).getHexString()}`;
-      screen.fillRect(x, 0, 1, scale.height);
-    }
-    setText(
-      element("#legend span"),
-      measured ? `contact force: 0 to ${FORCE_MN} mN per node` : `depth in the wall: 0 to ${DEPTH_UM} µm`,
-    );
+    drawLegend(measured);
   }
 }

@@ -1,0 +1,52 @@
+"""Base classes and spaces of environments: Gymnasium's, or plain ones where it is not installed."""
+
+from __future__ import annotations
+
+from typing import Any, Optional, Tuple
+
+import numpy as np
+import numpy.typing as npt
+
+try:
+    import gymnasium as gymnasium  # type: ignore[import]
+
+    Env: Any = gymnasium.Env
+    VectorEnv: Any = gymnasium.vector.VectorEnv
+    Box: Any = gymnasium.spaces.Box
+except ImportError:
+    gymnasium = None
+
+    class _PlainBox:
+        """Part of gymnasium.spaces.Box that the environments and simple agents use."""
+
+        def __init__(
+            self, low: Any, high: Any, shape: Optional[Tuple[int, ...]] = None, dtype: Any = None
+        ) -> None:
+            self.dtype = np.dtype(dtype or np.float32)
+            self.shape = tuple(np.shape(low)) if shape is None else shape
+            self.low = np.broadcast_to(np.asarray(low, self.dtype), self.shape)
+            self.high = np.broadcast_to(np.asarray(high, self.dtype), self.shape)
+            self._random = np.random.default_rng()
+
+        def seed(self, seed: Optional[int] = None) -> None:
+            self._random = np.random.default_rng(seed)
+
+        def sample(self) -> npt.NDArray[Any]:
+            if self.dtype == np.uint8:
+                return self._random.integers(0, 256, self.shape, dtype=np.uint8)
+            low = np.maximum(self.low, -1e6)
+            high = np.minimum(self.high, 1e6)
+            return self._random.uniform(low, high).astype(self.dtype)
+
+        def contains(self, x: Any) -> bool:
+            return bool(
+                isinstance(x, np.ndarray)
+                and x.dtype == self.dtype
+                and x.shape == self.shape
+                and (x >= self.low).all()
+                and (x <= self.high).all()
+            )
+
+    Env = object
+    VectorEnv = object
+    Box = _PlainBox
