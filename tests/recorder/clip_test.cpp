@@ -308,6 +308,18 @@ TEST_CASE("A clip of a span begins and ends where it is asked to") {
   CheckFrame(early, 83, 120, false, true);
 }
 
+TEST_CASE("A clip of two joined logs is refused, and no video is left") {
+  const TemporaryFolder folder;
+  WriteScreenLog(folder.Path("log"));
+  const std::string log = Contents(folder.Path("log"));
+  std::ofstream(folder.Path("both"), std::ios::binary) << log << log;
+  const Outcome made = Clip({folder.Path("both"), folder.Path("clip.mp4")});
+  CHECK(made.status == 2);
+  CHECK_THAT(made.error, Catch::Contains("both: 2 logs are joined in it") &&
+                             Catch::Contains("give each log by itself"));
+  CheckLeft(folder, {"both", "log"});
+}
+
 TEST_CASE("Text of a log stays text in a clip") {
   const TemporaryFolder folder;
   ClipFaults made;
