@@ -332,6 +332,15 @@ TEST_CASE("Text of a log stays text in a clip") {
   CHECK(EscapeSubtitle("neuro_angio, 2") == "neuro_angio, 2");
 }
 
+TEST_CASE("Subtitles have three digits, a unit and times as minutes and seconds") {
+  const TemporaryFolder folder;
+  WriteScreenLog(folder.Path("log"));
+  const ScreenCourse course(folder.Path("log"));
+  const std::string text = ScreenSubtitles(course, {.from_us = 2'000'000, .frames = 5}, 256, 256);
+  CHECK_THAT(text, Contains("X-ray 0:12.5 min\\NAir kerma 12.5 mGy\\NContrast 12.5 mL\n") &&
+                       Contains("made_up\\N0:02.0\n"));
+}
+
 TEST_CASE("A picture that came at half its size fills the clip") {
   const TemporaryFolder folder;
   ClipFaults made;
