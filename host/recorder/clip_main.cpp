@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "host/recorder/page_text.h"
 #include "host/recorder/screen_course.h"
 #include "host/recorder/screen_subtitles.h"
 #include "host/recorder/video_encoder.h"
@@ -115,9 +116,9 @@ int Run(const Arguments& arguments) {
                     ": no picture in the chosen time is complete; choose another --from and --to");
   }
   out.Finish();
-  fmt::print("{} pictures in {} frames, {:.2f} s, {} x {} in {}\n", shown.pictures, span.frames,
-             static_cast<double>(span.frames) / format.frames_per_s, format.width, format.height,
-             arguments.out);
+  fmt::print("{} pictures in {} frames, {} s, {} x {} in {}\n", shown.pictures, span.frames,
+             torquer::ValueText(static_cast<double>(span.frames) / format.frames_per_s),
+             format.width, format.height, arguments.out);
   const std::int64_t unusable = course.unusable() + shown.damaged;
   if (unusable > 0) {
     torquer::PrintError("torquer-clip: {}: {} messages or pictures are damaged and left out\n",

@@ -1,4 +1,4 @@
-// Text formatting for a session's page: figures with their units, escaped.
+// Text formatting for a session's page, report and clip: figures with their units, escaped.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,9 @@ std::string SafeText(std::string_view text);
 std::string SecondsText(double seconds);
 /// Three significant digits, or all digits before the point: "41.2", "0.314", "1250".
 std::string ValueText(double value);
+/// Value of a reading with the unit that its name ends with: "41.2 mN", times as SecondsText,
+/// counts as whole numbers, "never" for a negative time, "not known" for NaN.
+std::string ReadingText(std::string_view name, double value);
 /// "never", "once", "3 times".
 std::string TimesText(double count);
 /// "41.2 mN".

@@ -29,11 +29,16 @@ std::vector<Eigen::Vector3d> Points(const std::vector<std::vector<float>>& nodes
 
 std::string KnownCount(std::int64_t count) { return count < 0 ? "?" : std::to_string(count); }
 
+// Differences below a thousandth are rounding.
+double Rounded(double value) { return std::round(1e3 * value) / 1e3; }
+
 // A motion that is printed as zero gets a plus sign.
-std::string Signed(double value, int digits) {
-  const double unit = std::pow(10.0, -digits);
-  return fmt::format("{:+.{}f}", std::abs(value) < unit / 2 ? 0.0 : value, digits);
+std::string Signed(double value) {
+  const double rounded = Rounded(value);
+  return (rounded < 0 ? "-" : "+") + ValueText(std::abs(rounded));
 }
+
+std::string CountsText(double counts) { return ValueText(Rounded(counts)) + " counts"; }
 
 std::string FormatInstrument(const InstrumentReport& report) {
   std::string text =
@@ -49,30 +54,29 @@ std::string FormatInstrument(const InstrumentReport& report) {
   }
   text += fmt::format(
       "    insertion  sensor {:+} counts ({:+} of them held), which is {} mm; {} {} mm: "
-      "{:.2f} counts apart\n",
-      report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand, 3),
-      Printable(report.name), Signed(report.axial.wire, 3), report.axial.error_counts);
+      "{} apart\n",
+      report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand),
+      Printable(report.name), Signed(report.axial.wire), CountsText(report.axial.error_counts));
   if (report.healed_mm != 0) {
     text += fmt::format("               {} mm were lost, and corrected at the end switch\n",
-                        Signed(report.healed_mm, 3));
+                        Signed(report.healed_mm));
   }
   text += fmt::format(
       "    rotation   sensor {:+} counts ({:+} of them held), which is {} deg; {} {} deg: "
-      "{:.2f} counts apart\n",
+      "{} apart\n",
       report.rotation.sensor_counts, report.rotation.held_counts,
-      Signed(report.rotation.hand * kDegreesPerRad, 2), Printable(report.name),
-      Signed(report.rotation.wire * kDegreesPerRad, 2), report.rotation.error_counts);
+      Signed(report.rotation.hand * kDegreesPerRad), Printable(report.name),
+      Signed(report.rotation.wire * kDegreesPerRad), CountsText(report.rotation.error_counts));
   text += fmt::format(
-      "    latency    sensor to wire state: p50 {:.2f} ms, p99 {:.2f} ms, p99.9 {:.2f} ms, max "
-      "{:.2f} "
-      "ms\n",
-      report.latency_ms.p50, report.latency_ms.p99, report.latency_ms.p999, report.latency_ms.max);
+      "    latency    sensor to wire state: p50 {} ms, p99 {} ms, p99.9 {} ms, max {} ms\n",
+      ValueText(report.latency_ms.p50), ValueText(report.latency_ms.p99),
+      ValueText(report.latency_ms.p999), ValueText(report.latency_ms.max));
   const double expected = kReportsPerSecond * report.duration_s;
   if (report.reports_sent >= 0 && static_cast<double>(report.reports_sent) < kRealTime * expected) {
     text += fmt::format(
-        "               the machine was too busy for real time: the device's {:.1f} s took {:.1f} "
-        "s\n",
-        static_cast<double>(report.reports_sent) / kReportsPerSecond, report.duration_s);
+        "               the machine was too busy for real time: the device's {} took {}\n",
+        SecondsText(static_cast<double>(report.reports_sent) / kReportsPerSecond),
+        SecondsText(report.duration_s));
   }
   return text;
 }
@@ -97,48 +101,46 @@ nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
 
 // Adds all figures of a single wire, but only the decisive ones for each of several instruments.
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
-  const std::string apart = fmt::format("{:.2f} counts", report.axial.error_counts);
+  const std::string apart = CountsText(report.axial.error_counts);
   if (!lone) {
     caption.figures.emplace_back(fmt::format("{} against sensor, {} lost", Printable(report.name),
                                              KnownCount(report.reports_lost)),
                                  apart);
     return;
   }
-  caption.figures.insert(
-      caption.figures.end(),
-      {{"reports sent", KnownCount(report.reports_sent)},
-       {"reports lost", KnownCount(report.reports_lost)},
-       {"wire against sensor", apart},
-       {"sensor to wire state, p50", fmt::format("{:.2f} ms", report.latency_ms.p50)},
-       {"sensor to wire state, p99", fmt::format("{:.2f} ms", report.latency_ms.p99)}});
+  caption.figures.insert(caption.figures.end(),
+                         {{"reports sent", KnownCount(report.reports_sent)},
+                          {"reports lost", KnownCount(report.reports_lost)},
+                          {"wire against sensor", apart},
+                          {"sensor to wire state, p50", ValueText(report.latency_ms.p50) + " ms"},
+                          {"sensor to wire state, p99", ValueText(report.latency_ms.p99) + " ms"}});
 }
 
 }  // namespace
 
 std::string FormatReport(const SessionReport& report) {
-  std::string text = fmt::format("Session of {:.1f} s in {}, {} method\n", report.duration_s,
+  std::string text = fmt::format("Session of {} in {}, {} method\n", SecondsText(report.duration_s),
                                  Printable(report.scene), Printable(report.method));
   for (const InstrumentReport& instrument : report.instruments) {
     text += instrument.driven() ? FormatInstrument(instrument)
                                 : fmt::format("  {}, driven by no device; {} commands\n",
                                               Printable(instrument.name), instrument.commands);
   }
-  text +=
-      fmt::format("  relaxation   p50 {:.0f} us, p99 {:.0f} us, max {:.0f} us a tick; {} states\n",
-                  report.solve_us.p50, report.solve_us.p99, report.solve_us.max, report.states);
-  text +=
-      fmt::format("  wire         {} nodes, residual {:.2g}, largest penetration {:.1f} um\n",
-                  report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
+  text += fmt::format("  relaxation   p50 {} us, p99 {} us, max {} us a tick; {} states\n",
+                      ValueText(report.solve_us.p50), ValueText(report.solve_us.p99),
+                      ValueText(report.solve_us.max), report.states);
+  text += fmt::format("  wire         {} nodes, residual {}, largest penetration {} um\n",
+                      report.last_state.segment_count + 1, ValueText(report.residual),
+                      ValueText(report.max_penetration_um));
   if (report.shapes < report.states) {
     text += fmt::format(
         "  shapes       of {} of the states; hashes, positions and tips of all states\n",
         report.shapes);
   }
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
-    const double value = report.readings.values[i];
-    text += fmt::format("  {:<13}{} {}\n", i == 0 ? "readings" : "",
-                        Printable(report.readings.names[i]),
-                        std::isnan(value) ? "not known" : fmt::format("{:.6g}", value));
+    const std::string& name = report.readings.names[i];
+    text += fmt::format("  {:<13}{} {}\n", i == 0 ? "readings" : "", Printable(name),
+                        ReadingText(name, report.readings.values[i]));
   }
   if (report.states_missing > 0 || report.undecodable > 0) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",

@@ -45,12 +45,14 @@ ScreenCourse::ScreenCourse(const std::string& path) : file_(path, kRemedy) {
   std::int64_t first_us = 0;
   bool begun = false;
   for (LogRecord record; log.Next(record);) {
+    if (log.logs() > 1) continue;
     if (!begun) first_us = record.time_us;
     begun = true;
     // A wall clock may be set back, but record order is kept: time must not decrease.
     length_us_ = std::max(length_us_, ElapsedUs(first_us, record.time_us));
     if (!Take(record, length_us_)) ++unusable_;
   }
+  log.RequireOneLog();
   damage_ = log.damage();
   if (!pedal_.empty() && length_us_ - commanded_us_ > kSilentUs) {
     Note(pedal_, commanded_us_ + kSilentUs, false);

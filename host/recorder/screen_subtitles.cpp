@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "host/recorder/page_text.h"
 #include "host/recorder/svg_text.h"
 #include "host/support/angle.h"
 #include "host/support/printable_text.h"
@@ -18,7 +19,8 @@ std::string Angle(double rad, const char* positive, const char* negative) {
   return fmt::format("{} {}°", degrees < 0 ? negative : positive, std::labs(degrees));
 }
 
-std::string Minutes(double time_s) {
+// A clock does not round up.
+std::string Clock(double time_s) {
   const auto tenths = static_cast<std::int64_t>(std::floor(10 * time_s));
   return fmt::format("{}:{:02}.{}", tenths / 600, tenths / 10 % 60, tenths % 10);
 }
@@ -40,13 +42,15 @@ Lines LinesAt(const ScreenCourse& course, std::int64_t time_us) {
   const ScreenMoment moment = course.At(time_us);
   const bool shown = moment.planes[0].picture >= 0;
   std::string dose;
-  if (moment.fluoroscopy_s >= 0) Append(dose, "\\NX-ray {}", Minutes(moment.fluoroscopy_s));
-  if (moment.air_kerma_mGy >= 0) Append(dose, "\\NAir kerma {:.2f} mGy", moment.air_kerma_mGy);
-  if (moment.contrast_mL >= 0) Append(dose, "\\NContrast {:.1f} mL", moment.contrast_mL);
+  if (moment.fluoroscopy_s >= 0) Append(dose, "\\NX-ray {}", SecondsText(moment.fluoroscopy_s));
+  if (moment.air_kerma_mGy >= 0) {
+    Append(dose, "\\NAir kerma {} mGy", ValueText(moment.air_kerma_mGy));
+  }
+  if (moment.contrast_mL >= 0) Append(dose, "\\NContrast {} mL", ValueText(moment.contrast_mL));
   if (!dose.empty()) dose.erase(0, 2);
   std::string session = EscapeSubtitle(Printable(moment.scene, kLongestName));
   if (!session.empty()) session += "\\N";
-  session += Minutes(1e-6 * static_cast<double>(time_us));
+  session += Clock(1e-6 * static_cast<double>(time_us));
   Lines lines = {{{"Hold", shown ? "LAST IMAGE HOLD" : ""},
                   {"Arm", Angles(moment.planes[0])},
                   {"Lateral", Angles(moment.planes[1])},

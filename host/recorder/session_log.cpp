@@ -56,19 +56,13 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   SessionLogSummary summary;
   for (LogRecord record; log.Next(record);) {
     if (summary.messages == 0) summary.started_us = record.time_us;
-    if (record.begins_log) ++summary.sessions;
-    if (summary.sessions > 1) continue;
+    if (log.logs() > 1) continue;
     ++summary.messages;
     const auto handler = by_channel.find(record.channel);
     if (handler == by_channel.end()) CountUnknown(record.channel, summary);
     if (handler != by_channel.end() && !handler->second(record)) ++summary.undecodable;
   }
-  if (summary.sessions > 1) {
-    throw UserError(
-        fmt::format("{}: {} logs are joined in it, and a report judges one session; "
-                    "give each log by itself",
-                    path, summary.sessions));
-  }
+  log.RequireOneLog();
   summary.damage = log.damage();
   if (summary.messages == 0) {
     throw UserError(path + ": holds no LCM message; give the file that torquer-recorder wrote");

@@ -30,7 +30,6 @@ struct SessionHandlers {
 
 /// Summary of a log besides the messages passed to the handlers.
 struct SessionLogSummary {
-  std::int64_t sessions = 1;     ///< logs that are joined in this one
   std::int64_t messages = 0;     ///< all, those of other channels included
   std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
   std::int64_t started_us = 0;   ///< time of the first record, by the logger's wall clock

@@ -204,6 +204,7 @@ void Read(EventLogReader& log, Repeater& repeater,
 
 ReplayResult Replay(scene::Scene& scene, const std::string& log,
                     const std::function<bool(const ReplayResult&)>& go_on) {
+  RequireOneLog(log);  // before the work of the first session
   EventLogReader reader(log);
   Repeater repeater(scene, log);
   try {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 
+#include "host/support/error.h"
+
 namespace torquer {
 namespace {
 
@@ -162,7 +164,7 @@ bool EventLogReader::NumberFits(const Header& header) {
 bool EventLogReader::Next(LogRecord& record) {
   for (Header header; Place(header);) {
     const std::int64_t begin = at_;
-    record.begins_log = BeginsLog(header);
+    logs_ += BeginsLog(header) ? 1 : 0;
     const bool fits = NumberFits(header);
     at_ = header.end;
     expected_ = fits ? header.number + 1 : expected_ + 1;
@@ -182,6 +184,21 @@ bool EventLogReader::Next(LogRecord& record) {
     return true;
   }
   return false;
+}
+
+void EventLogReader::RequireOneLog() const {
+  if (logs_ == 1) return;
+  throw UserError(
+      fmt::format("{}: {} logs are joined in it, and each is a separate session; "
+                  "give each log by itself",
+                  file_.path(), logs_));
+}
+
+void RequireOneLog(const std::string& path) {
+  EventLogReader log(path);
+  for (LogRecord record; log.Next(record);) {
+  }
+  log.RequireOneLog();
 }
 
 }  // namespace torquer

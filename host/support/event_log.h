@@ -23,7 +23,6 @@ struct LogRecord {
   std::string_view channel;
   std::span<const std::uint8_t> data;
   std::int64_t data_at = 0;  ///< position of `data` in the file
-  bool begins_log = false;   ///< first record of a log that was appended to another one
 };
 
 /// Time from a log's first record to another, us. Limited to 0 to a year, because recorded times
@@ -55,6 +54,12 @@ class EventLogReader {
   /// Reads the next whole record; false at the end of the log.
   bool Next(LogRecord& record);
 
+  /// Number of logs that are joined in the file, up to the newest record.
+  std::int64_t logs() const { return logs_; }
+  /// Throws UserError with the file and the number of its logs if there are several. Call it after
+  /// Next() returned false.
+  void RequireOneLog() const;
+
   /// Damage so far; complete after Next() returned false.
   const LogDamage& damage() const { return damage_; }
 
@@ -81,7 +86,11 @@ class EventLogReader {
   std::int64_t window_at_ = 0;
   std::int64_t at_ = 0;
   std::int64_t expected_ = -1;  // number of the next record
+  std::int64_t logs_ = 1;
   LogDamage damage_;
 };
+
+/// Throws UserError if the log at `path` cannot be read, or if several logs are joined in it.
+void RequireOneLog(const std::string& path);
 
 }  // namespace torquer

@@ -43,6 +43,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
   bool begun = false;
   HealthTopics sessions;
   for (LogRecord record; log.Next(record);) {
+    if (log.logs() > 1) continue;
     if (!begun) first_us = record.time_us;
     begun = true;
     // Wall clocks may be set back; what was recorded later comes later.
@@ -68,6 +69,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
     topic->places_.push_back(record.data_at);
     topic->sizes_.push_back(static_cast<std::uint32_t>(record.data.size()));
   }
+  log.RequireOneLog();
   damage_ = log.damage();
   if (states().times_us.empty()) {
     throw UserError(path + ": holds no wire state (channel " +

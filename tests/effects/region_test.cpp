@@ -102,5 +102,22 @@ TEST_CASE("A region knows whether it meets the lumen") {
   CHECK_FALSE(meets(Region::Side(Vector3d(120, 0, 0), Vector3d::UnitX(), 2)));
 }
 
+// A stretch beside the lumen, so that the search finds nothing and ends only after all points.
+TEST_CASE("The search of a stretch for the lumen grows with its length") {
+  const auto comparisons = [](double length_mm) {
+    const vessel::TubeVessel tube = vessel::MakeStraightTube(length_mm, 3);
+    std::vector<Vector3d> points;
+    for (int k = 0; k <= 100; ++k) points.emplace_back(length_mm * k / 100, 4.5, 0);
+    const vessel::Centerline beside("beside", points, std::vector<double>(points.size(), 1));
+    const Region region = Region::Stretch(beside, 0, length_mm, 1, 0.5);
+    std::int64_t count = 0;
+    CHECK_FALSE(region.MeetsLumen(*tube.field, tube.centerlines, tube.bounds_mm, &count));
+    return count;
+  };
+  const std::int64_t once = comparisons(50);
+  CHECK(once > 10'000);  // a grid about each of its hundred balls
+  CHECK(comparisons(400) < 10 * once);
+}
+
 }  // namespace
 }  // namespace torquer::test

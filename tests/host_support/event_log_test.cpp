@@ -53,7 +53,7 @@ std::string Log(int from = 0, int to = kRecords) {
 struct Outcome {
   std::vector<std::string> read;  // channel and data
   LogDamage damage;
-  int logs = 1;
+  std::int64_t logs = 0;
 };
 
 Outcome Read(const std::string& log) {
@@ -62,11 +62,11 @@ Outcome Read(const std::string& log) {
   EventLogReader reader(folder.Path("log"));
   Outcome outcome;
   for (LogRecord record; reader.Next(record);) {
-    outcome.logs += record.begins_log ? 1 : 0;
     outcome.read.push_back(std::string(record.channel) + " " +
                            std::string(record.data.begin(), record.data.end()));
   }
   outcome.damage = reader.damage();
+  outcome.logs = reader.logs();
   LogRecord again;
   CHECK_FALSE(reader.Next(again));
   return outcome;

@@ -104,6 +104,18 @@ TEST_CASE("A clip of a span begins and ends where it is asked to") {
   CheckFrame(early, 83, 120, false, true);
 }
 
+TEST_CASE("A clip of two joined logs is refused, and no video is left") {
+  const TemporaryFolder folder;
+  WriteScreenLog(folder.Path("log"));
+  const std::string log = Contents(folder.Path("log"));
+  std::ofstream(folder.Path("both"), std::ios::binary) << log << log;
+  const Outcome made = Clip({folder.Path("both"), folder.Path("clip.mp4")});
+  CHECK(made.status == 2);
+  CHECK_THAT(made.error, Catch::Contains("both: 2 logs are joined in it") &&
+                             Catch::Contains("give each log by itself"));
+  CheckLeft(folder, {"both", "log"});
+}
+
 TEST_CASE("Text of a log stays text in a clip") {
   const TemporaryFolder folder;
   ClipFaults made;
@@ -114,6 +126,15 @@ TEST_CASE("Text of a log stays text in a clip") {
   CHECK(video.Drawn(3, 0, kTop, kSide, kBottom, 60, 8) == 0);
   CHECK(EscapeSubtitle("{a}\\N") == "\\{a\\}\\\u2060N");
   CHECK(EscapeSubtitle("neuro_angio, 2") == "neuro_angio, 2");
+}
+
+TEST_CASE("Subtitles have three digits, a unit and times as minutes and seconds") {
+  const TemporaryFolder folder;
+  WriteScreenLog(folder.Path("log"));
+  const ScreenCourse course(folder.Path("log"));
+  const std::string text = ScreenSubtitles(course, {.from_us = 2'000'000, .frames = 5}, 256, 256);
+  CHECK_THAT(text, Contains("X-ray 0:12.5 min\\NAir kerma 12.5 mGy\\NContrast 12.5 mL\n") &&
+                       Contains("made_up\\N0:02.0\n"));
 }
 
 TEST_CASE("A picture that came at half its size fills the clip") {

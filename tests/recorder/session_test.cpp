@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -56,7 +57,7 @@ TEST_CASE("A session without fault") {
   CHECK(report.readings.values == std::vector<double>{4, 10});
   CHECK_THAT(FormatReport(report),
              Catch::Contains("  readings     wall_force_events 4\n"
-                             "               wall_force_largest_ever_mN 10\n"));
+                             "               wall_force_largest_ever_mN 10.0 mN\n"));
   REQUIRE(report.instruments.size() == 1);
   const InstrumentReport& wire = report.instruments[0];
   CHECK(wire.name == "guidewire");
@@ -159,11 +160,38 @@ TEST_CASE("A session that a page has steered is reported, one that nobody has st
   CHECK_FALSE(steered.instruments.at(0).driven());
   CHECK(steered.duration_s == Approx(1).epsilon(0.01));
   CHECK_THAT(FormatReport(steered),
-             Catch::StartsWith("Session of 1.0 s in ") &&
+             Catch::StartsWith("Session of 0:01.0 min in ") &&
                  Catch::Contains("  guidewire, driven by no device; 1000 commands\n"));
   CHECK_THROWS_WITH(report(false),
                     "the log holds no device sample and no command; record while "
                     "torquer-daemon or a page that steers runs");
+}
+
+TEST_CASE("The report has three digits, a unit and times as minutes and seconds") {
+  SessionReport report = Report({});
+  report.duration_s = 125.4321;
+  report.residual = 1.23456e-5;
+  report.max_penetration_um = 12.3456;
+  report.solve_us.p50 = 312.4;
+  report.instruments[0].axial.hand = 123.4567;
+  report.instruments[0].axial.wire = -0.00004;
+  report.instruments[0].axial.error_counts = 0.123456;
+  report.instruments[0].latency_ms.p50 = 1.23456;
+  report.readings.names = {"procedure_s",     "target_reached_s", "catheter.hand_torque_mN_mm",
+                           "retractions",     "air_kerma_mGy",    "wall_line_load_mN_mm",
+                           "mean_speed_mm_s", "tip_path_ratio",   "safe_success"};
+  report.readings.values = {41.23456, -1,       0.123456, 3,           123.456,
+                            41.23456, 7.891234, 1.23456,  std::nan("")};
+  const std::string text = FormatReport(report);
+  for (const char* part :
+       {"Session of 2:05 min in", "residual 1.23e-05, largest penetration 12.3 um", "p50 312 us",
+        "which is +123 mm; guidewire +0 mm: 0.123 counts apart", "p50 1.23 ms",
+        "procedure_s 0:41.2 min\n", "target_reached_s never\n",
+        "catheter.hand_torque_mN_mm 0.123 mN mm\n", "retractions 3\n", "air_kerma_mGy 123 mGy\n",
+        "wall_line_load_mN_mm 41.2 mN/mm\n", "mean_speed_mm_s 7.89 mm/s\n", "tip_path_ratio 1.23\n",
+        "safe_success not known\n"}) {
+    CHECK_THAT(text, Catch::Contains(part));
+  }
 }
 
 TEST_CASE("The report notes a machine that is too slow for real time") {
@@ -171,7 +199,7 @@ TEST_CASE("The report notes a machine that is too slow for real time") {
   const auto hint = Catch::Contains("too busy for real time");
   CHECK_THAT(FormatReport(report), !hint);
   report.instruments[0].duration_s = 1.5;
-  CHECK_THAT(FormatReport(report), hint && Catch::Contains("1.0 s took 1.5 s"));
+  CHECK_THAT(FormatReport(report), hint && Catch::Contains("device's 0:01.0 min took 0:01.5 min"));
   // Without an emulator the number of sent reports is unknown.
   report.instruments[0].reports_sent = -1;
   CHECK_THAT(FormatReport(report), !hint);
@@ -222,7 +250,7 @@ TEST_CASE("Motion that was made up for at the end switch is no error, and is sai
   CHECK(report.Good());
   CHECK(report.instruments.at(0).axial.error_counts < 1e-3);
   CHECK_THAT(FormatReport(report),
-             Catch::Contains("-1.500 mm were lost, and corrected at the end switch"));
+             Catch::Contains("-1.50 mm were lost, and corrected at the end switch"));
   CHECK_THAT(FormatReport(Report({})), !Catch::Contains("end switch"));
 }
 

@@ -12,6 +12,7 @@
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "tests/simulator/state_log.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/sanitizer.h"
 #include "tests/support/scenes.h"
 
@@ -224,6 +225,20 @@ TEST_CASE("A replay of a damaged log goes on after the damage, and is not clean"
   undecodable[undecodable.find("TORQUER_WIRE_STATE", log.size() / 2) + 18] ^= 1;  // fingerprint
   CHECK(replay(undecodable).undecodable == 1);
   CHECK_FALSE(replay(undecodable).Good());
+}
+
+TEST_CASE("A replay of two joined logs is refused before it repeats the first", "[simulator]") {
+  const SceneFile file;
+  Record(file.path(), file.Beside("one"), 20, Keep);
+  const std::string log = torquer::test::Contents(file.Beside("one"));
+  std::ofstream(file.Beside("both"), std::ios::binary) << log << log;
+  torquer::scene::Scene scene(file.path());
+  int asked = 0;
+  CHECK_THROWS_WITH(
+      torquer::simulator::Replay(scene, file.Beside("both"),
+                                 [&asked](const auto&) { return ++asked > 0; }),
+      Contains("both: 2 logs are joined in it") && Contains("give each log by itself"));
+  CHECK(asked == 0);
 }
 
 TEST_CASE("A state that was published again at rest is one state to a replay", "[simulator]") {

@@ -1,6 +1,7 @@
 #include "host/viewer/recording.h"
 
 #include <catch2/catch.hpp>
+#include <fstream>
 #include <string>
 #include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
@@ -11,6 +12,7 @@
 #include "host/bus/state_outline.h"
 #include "host/support/event_log_writer.h"
 #include "protocol/lcm_channels.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/viewer/recorded_message.h"
 
@@ -140,4 +142,19 @@ TEST_CASE("A log without states is refused, and damage is named") {
   const Recording cut(folder.Path("cut"));
   CHECK(cut.damage().cut);
   CHECK(TickAt(cut, cut.length_us()) == 18);
+}
+
+TEST_CASE("A recording of two joined logs is refused") {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter log(folder.Path("one"));
+    for (int k = 0; k < 5; ++k) {
+      Write(log, 1000 * k, torquer::protocol::kWireStateChannel, State(k));
+    }
+    log.Finish();
+  }
+  const std::string log = torquer::test::Contents(folder.Path("one"));
+  std::ofstream(folder.Path("both"), std::ios::binary) << log << log;
+  CHECK_THROWS_WITH(Recording(folder.Path("both")), Contains("both: 2 logs are joined in it") &&
+                                                        Contains("give each log by itself"));
 }

@@ -3,11 +3,11 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <queue>
 #include <sstream>
 
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/curve_limits.h"
+#include "host/simulator/vessel/route.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel {
@@ -175,67 +175,25 @@ CenterlineSample CenterlineNetwork::At(const CenterlinePlace& place) const {
   return curves_[place.curve].At(place.s_mm);
 }
 
-// Dijkstra over the two given places and every curve's places at joints.
 Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const CenterlinePlace& to) const {
   assert(from.curve < curves_.size() && to.curve < curves_.size());
-  constexpr size_t kNoJoint = std::numeric_limits<size_t>::max();
-  struct Stop {
-    CenterlinePlace place;
-    size_t joint;
-  };
-  std::vector<Stop> stops{{from, kNoJoint}, {to, kNoJoint}};
-  for (size_t j = 0; j < joints_.size(); ++j) {
-    for (const CenterlinePlace& place : joints_[j].places) stops.push_back({place, j});
-  }
-  constexpr double kFar = std::numeric_limits<double>::infinity();
-  std::vector<double> distance(stops.size(), kFar);
-  std::vector<size_t> previous(stops.size(), 0);
-  std::vector<bool> settled(stops.size(), false);
-  distance[0] = 0;
-  while (true) {
-    size_t current = stops.size();
-    for (size_t i = 0; i < stops.size(); ++i) {
-      if (!settled[i] && distance[i] < kFar &&
-          (current == stops.size() || distance[i] < distance[current])) {
-        current = i;
-      }
-    }
-    if (current == stops.size() || current == 1) break;
-    settled[current] = true;
-    for (size_t i = 0; i < stops.size(); ++i) {
-      double step = kFar;
-      if (stops[i].place.curve == stops[current].place.curve) {
-        step = std::abs(stops[i].place.s_mm - stops[current].place.s_mm);
-      } else if (stops[i].joint != kNoJoint && stops[i].joint == stops[current].joint) {
-        step = 0;
-      }
-      if (distance[current] + step < distance[i]) {
-        distance[i] = distance[current] + step;
-        previous[i] = current;
-      }
-    }
-  }
+  const Route route = FindRoute(*this, from, to);
   const auto describe = [&](const CenterlinePlace& place) {
     return "\"" + curves_[place.curve].name() + "\" at " + Millimeters(place.s_mm) + " mm";
   };
-  if (distance[1] == kFar) {
+  if (!route.connected) {
     throw UserError("no connected route along the centerlines from " + describe(from) + " to " +
                     describe(to) +
                     "; the curves between them do not meet: choose two connected places");
   }
-  if (distance[1] < 1e-3) {
+  if (route.length_mm < 1e-3) {
     throw UserError("the route from " + describe(from) + " to " + describe(to) +
                     " has no length; choose two different places");
   }
-  std::vector<size_t> way{1};
-  while (way.back() != 0) way.push_back(previous[way.back()]);
-  std::reverse(way.begin(), way.end());
   std::vector<Vector3d> points;
   std::vector<double> radii;
-  for (size_t k = 1; k < way.size(); ++k) {
-    const CenterlinePlace &a = stops[way[k - 1]].place, &b = stops[way[k]].place;
-    if (a.curve != b.curve || std::abs(a.s_mm - b.s_mm) < 1e-3) continue;
-    const Centerline part = curves_[a.curve].Part(a.s_mm, b.s_mm, "part");
+  for (const RouteLeg& leg : route.legs) {
+    const Centerline part = curves_[leg.curve].Part(leg.from_mm, leg.to_mm, "part");
     for (size_t i = 0; i < part.points_mm().size(); ++i) {
       // Joined curves can be slightly apart; the corner between them then lies on the second one.
       if (i == 0 && !points.empty()) {

@@ -32,7 +32,7 @@ Region Region::Stretch(const Centerline& curve, double from_mm, double to_mm, do
   for (int k = 0; k <= steps; ++k) {
     region.centers_.push_back(curve.At(from_mm + (to_mm - from_mm) * k / steps).position_mm);
   }
-  const double outer = region.radius_mm_ + edge_mm;
+  const double outer = region.OuterMm();
   for (const Vector3d& a : region.centers_) {
     // All balls that can overlap with this one.
     const auto overlapping =
@@ -59,16 +59,20 @@ void Region::Group() {
     for (std::size_t k = group.first; k < group.end; ++k) {
       group.reach_mm = std::max(group.reach_mm, (centers_[k] - group.center).norm());
     }
-    group.reach_mm += radius_mm_ + edge_mm_;
+    group.reach_mm += OuterMm();
     groups_.push_back(group);
   }
 }
 
 double Region::Weight(const Vector3d& point_mm) const {
   if (centers_.empty()) return SmoothStep((point_mm - point_).dot(direction_) / edge_mm_).value;
-  const double outer = radius_mm_ + edge_mm_;
+  return WeightAmong(groups_, point_mm);
+}
+
+double Region::WeightAmong(const std::vector<BallGroup>& groups, const Vector3d& point_mm) const {
+  const double outer = OuterMm();
   double rest = 1;
-  for (const BallGroup& group : groups_) {
+  for (const BallGroup& group : groups) {
     if ((point_mm - group.center).squaredNorm() >= group.reach_mm * group.reach_mm) continue;
     for (std::size_t k = group.first; k < group.end; ++k) {
       const double squared = (point_mm - centers_[k]).squaredNorm();
@@ -90,7 +94,7 @@ bool Region::Evaluate(const Vector3d& point_mm, RegionWeight& out) const {
     return true;
   }
   // 1 - weight is the product of 1 - step over the balls.
-  const double outer = radius_mm_ + edge_mm_;
+  const double outer = OuterMm();
   double rest = 1;
   Vector3d gradient = Vector3d::Zero();
   Matrix3d hessian = Matrix3d::Zero();
@@ -137,34 +141,73 @@ double Region::SteepestSlope() const {
   return overlap / edge_mm_;
 }
 
-bool Region::MeetsLumen(const ClearanceField& field, const CenterlineNetwork& centerlines,
-                        const Eigen::AlignedBox3d& bounds_mm) const {
-  const auto is_in = [&](const Vector3d& p) { return Weight(p) > 0.5 && field.Clearance(p) > 0; };
-  for (const Centerline& curve : centerlines.curves()) {
-    for (double s = 0; s <= curve.length_mm(); s += 0.5) {
-      if (is_in(curve.At(s).position_mm)) return true;
+namespace {
+
+constexpr int kPerAxis = 24;  // intervals of a grid
+
+// Calls found(point) on a grid until it returns true; returns that.
+template <class Found>
+bool FindOnGrid(const Vector3d& low, const Vector3d& size, const Found& found) {
+  for (int x = 0; x <= kPerAxis; ++x) {
+    for (int y = 0; y <= kPerAxis; ++y) {
+      for (int z = 0; z <= kPerAxis; ++z) {
+        if (found(low + Vector3d(x, y, z).cwiseProduct(size) / kPerAxis)) return true;
+      }
     }
   }
-  const auto found_in_box = [&](const Vector3d& low, const Vector3d& size) {
-    constexpr int kPerAxis = 24;
-    for (int x = 0; x <= kPerAxis; ++x) {
-      for (int y = 0; y <= kPerAxis; ++y) {
-        for (int z = 0; z <= kPerAxis; ++z) {
-          if (is_in(low + Vector3d(x, y, z).cwiseProduct(size) / kPerAxis)) return true;
-        }
+  return false;
+}
+
+}  // namespace
+
+// Searches a grid in the ball, except in the ball before it, and compares only with groups near the
+// ball. So the work for each ball does not grow with the number of balls.
+bool Region::BallMeetsLumen(std::size_t ball, const ClearanceField& field,
+                            std::int64_t& comparisons) const {
+  const Vector3d& center = centers_[ball];
+  const double outer = OuterMm();
+  if (field.Clearance(center) < -field.LipschitzBound() * outer) return false;
+  std::vector<BallGroup> near;
+  for (const BallGroup& group : groups_) {
+    if ((center - group.center).norm() < group.reach_mm + outer) near.push_back(group);
+  }
+  const auto is_in = [&](const Vector3d& point) {
+    if ((point - center).squaredNorm() > outer * outer) return false;
+    if (ball > 0 && (point - centers_[ball - 1]).squaredNorm() <= outer * outer) return false;
+    comparisons += static_cast<std::int64_t>(near.size());
+    return WeightAmong(near, point) > 0.5 && field.Clearance(point) > 0;
+  };
+  return FindOnGrid(center - Vector3d::Constant(outer), Vector3d::Constant(2 * outer), is_in);
+}
+
+bool Region::MeetsLumen(const ClearanceField& field, const CenterlineNetwork& centerlines,
+                        const Eigen::AlignedBox3d& bounds_mm, std::int64_t* comparisons) const {
+  std::int64_t compared = 0;
+  const auto is_in = [&](const Vector3d& point) {
+    compared += static_cast<std::int64_t>(groups_.size());
+    return Weight(point) > 0.5 && field.Clearance(point) > 0;
+  };
+  const auto search = [&] {
+    Eigen::AlignedBox3d box;  // around the balls
+    for (const Vector3d& center : centers_) {
+      box.extend(center - Vector3d::Constant(OuterMm()));
+      box.extend(center + Vector3d::Constant(OuterMm()));
+    }
+    for (const Centerline& curve : centerlines.curves()) {
+      for (double s = 0; s <= curve.length_mm(); s += 0.5) {
+        const Vector3d point = curve.At(s).position_mm;
+        if ((centers_.empty() || box.contains(point)) && is_in(point)) return true;
       }
+    }
+    if (centers_.empty()) return FindOnGrid(bounds_mm.min(), bounds_mm.sizes(), is_in);
+    for (std::size_t ball = 0; ball < centers_.size(); ++ball) {
+      if (BallMeetsLumen(ball, field, compared)) return true;
     }
     return false;
   };
-  if (centers_.empty()) return found_in_box(bounds_mm.min(), bounds_mm.sizes());
-  const double outer = radius_mm_ + edge_mm_;
-  for (const Vector3d& center : centers_) {
-    if (is_in(center)) return true;
-    if (field.Clearance(center) < -field.LipschitzBound() * outer) continue;
-    if (found_in_box(center - Vector3d::Constant(outer), Vector3d::Constant(2 * outer)))
-      return true;
-  }
-  return false;
+  const bool meets = search();
+  if (comparisons != nullptr) *comparisons = compared;
+  return meets;
 }
 
 }  // namespace torquer::vessel

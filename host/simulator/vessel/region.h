@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
@@ -39,8 +40,10 @@ class Region {
 
   /// True if a point with a weight above 1/2 was found in the lumen (clearance > 0). Searches the
   /// centerlines and grids about the region's balls; for a side, a grid in `bounds_mm`.
+  /// `comparisons` receives how often a point was compared with a group of balls, unless it is
+  /// null; along a stretch, the number grows with its length.
   bool MeetsLumen(const ClearanceField& field, const CenterlineNetwork& centerlines,
-                  const Eigen::AlignedBox3d& bounds_mm) const;
+                  const Eigen::AlignedBox3d& bounds_mm, std::int64_t* comparisons = nullptr) const;
 
  private:
   Region(double radius_mm, double edge_mm) : radius_mm_(radius_mm), edge_mm_(edge_mm) {}
@@ -53,6 +56,12 @@ class Region {
     std::size_t first = 0;
     std::size_t end = 0;
   };
+
+  double WeightAmong(const std::vector<BallGroup>& groups, const Eigen::Vector3d& point_mm) const;
+  bool BallMeetsLumen(std::size_t ball, const ClearanceField& field,
+                      std::int64_t& comparisons) const;
+
+  double OuterMm() const { return radius_mm_ + edge_mm_; }
 
   double radius_mm_;
   double edge_mm_;

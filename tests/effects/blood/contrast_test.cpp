@@ -13,6 +13,7 @@ using torquer::effects::ContrastSettings;
 using torquer::effects::Flow;
 using torquer::effects::FlowEnd;
 using torquer::effects::FlowGraph;
+using torquer::effects::FlowInlet;
 using torquer::effects::Pulse;
 using torquer::test::kFork;
 using torquer::test::Refusal;
@@ -31,7 +32,8 @@ struct StraightVessel {
     auto graph = std::make_unique<FlowGraph>(network);
     const int inlet = graph->NodeAt("tube", "start");
     const FlowEnd out{graph->NodeAt("tube", "end"), true, 0, 0};
-    flow = std::make_unique<Flow>(std::move(graph), 3.5e-3, inlet, kFlowML_s,
+    flow = std::make_unique<Flow>(std::move(graph), 3.5e-3,
+                                  FlowInlet{.node = inlet, .mL_s = kFlowML_s},
                                   std::vector<FlowEnd>{out}, pulse);
   }
 

@@ -35,7 +35,8 @@ struct Tube {
     auto graph = std::make_unique<FlowGraph>(network);
     const int inlet = graph->NodeAt("tube", "start");
     out.node = graph->NodeAt("tube", "end");
-    return Flow(std::move(graph), kViscosity_Pa_s, inlet, inlet_mL_s, {out}, pulse);
+    return Flow(std::move(graph), kViscosity_Pa_s, {.node = inlet, .mL_s = inlet_mL_s}, {out},
+                pulse);
   }
   CenterlineNetwork network{{Centerline("tube", {{0, 0, 0}, {200, 0, 0}}, {2, 2})}};
 };
@@ -214,7 +215,7 @@ TEST_CASE("Behind a stenosis the pressure is lost that Young and Tsai say", "[ef
   const double area_m2 = std::numbers::pi * 4e-6;
   const double k = 1.52 * 1060 / 2 * 9 / (area_m2 * area_m2) * 1e-12 / 133.322387415;
   {
-    SceneOf scene(tube + "inlet_mmHg = 40\noutlet_mmHg = 10\n" + stenosis);
+    SceneOf scene(tube + "inlet_mean_mmHg = 40\noutlet_mmHg = 10\n" + stenosis);
     const Flow& flow = scene.Get<Flow>();
     const double r =
         PoiseuilleMmHgSPerML(kViscosity_Pa_s, flow.graph().InverseFourthPower(0, 0, 200));

@@ -74,7 +74,8 @@ TEST_CASE("A stenosis takes the pressure that Poiseuille says", "[effects]") {
   auto graph = std::make_unique<FlowGraph>(network);
   const int inlet = graph->NodeAt("tube", "start");
   const int outlet = graph->NodeAt("tube", "end");
-  const Flow flow(std::move(graph), 3.5e-3, inlet, 4, {{outlet, true, 60, 0}}, {});
+  const Flow flow(std::move(graph), 3.5e-3, {.node = inlet, .mL_s = 4}, {{outlet, true, 60, 0}},
+                  {});
   // 8 mu Q / pi [160/2^4 + 20/1^4 + 2 int_0^10 ds/(1 + s/10)^4]; the last term is 2*10*7/24.
   const double integral_1_mm3 = 160.0 / 16 + 20 + 2 * 10 * 7.0 / 24;
   const double drop_Pa = 8 * 3.5e-3 * 4e3 / std::numbers::pi * integral_1_mm3;
@@ -85,8 +86,9 @@ TEST_CASE("A stenosis takes the pressure that Poiseuille says", "[effects]") {
 }
 
 TEST_CASE("Pressures at both ends drive the flow of Poiseuille", "[effects]") {
-  SceneOf scene(kStraight +
-                "[effects.flow]\ninlet = \"tube\"\ninlet_mmHg = 11\noutlet_mmHg = 10\n");
+  const std::string key = GENERATE("inlet_mean_mmHg", "inlet_held_mmHg");
+  SceneOf scene(kStraight + "[effects.flow]\ninlet = \"tube\"\n" + key +
+                " = 11\noutlet_mmHg = 10\n");
   const Flow& flow = scene.Get<Flow>();
   const double expected_mL_s = 1e-3 * 133.322387415 * std::numbers::pi * 16 / (8 * 3.5e-3 * 200);
   CHECK(flow.mean().edge_mL_s[0] == Approx(expected_mL_s).epsilon(1e-6));
@@ -135,7 +137,7 @@ TEST_CASE("Every joint of a patient's arteries conserves blood to rounding", "[e
     ends.push_back({static_cast<int>(n), n % 2 == 0, 80, 20});
   }
   for (const bool reached : graph->ReachedFrom(inlet)) CHECK(reached);
-  const Flow flow(std::move(graph), 3.5e-3, inlet, 80, ends, {});
+  const Flow flow(std::move(graph), 3.5e-3, {.node = inlet, .mL_s = 80}, ends, {});
   CHECK(WorstImbalance(flow.graph(), flow.mean(), inlet) < 80 * 1e-14);
   CHECK(Outflow(flow.mean()) == Approx(80).epsilon(1e-14));
 }
@@ -163,7 +165,7 @@ TEST_CASE("Flow that cannot be is refused with key, value and remedy", "[effects
              Contains("test.toml:") && Contains("inlet = 'stam'") && Contains("stem"));
   CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"left\"\ninlet_mL_s = 5\n"),
              Contains("joined to other curves"));
-  CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\n"), Contains("inlet_mmHg"));
+  CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\n"), Contains("inlet_mean_mmHg"));
   CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\ninlet_mL_s = -1\n"),
              Contains("inlet_mL_s = -1"));
   CHECK_THAT(Refusal(kFork + kInlet + "viscosity_mPa_s = nan\n"), Contains("viscosity_mPa_s"));
@@ -173,7 +175,7 @@ TEST_CASE("Flow that cannot be is refused with key, value and remedy", "[effects
              Contains("no outlet"));
   CHECK_THAT(Refusal(kFork + kInlet + "[[effects.flow.outlet]]\ncenterline = \"left\"\n"),
              Contains("pressure_mmHg: is missing"));
-  CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\ninlet_mmHg = 5\n"
+  CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\ninlet_mean_mmHg = 5\n"
                              "outlets = \"murray\"\n"),
              Contains("needs inlet_mL_s"));
   // Moves the end of the right branch elsewhere.

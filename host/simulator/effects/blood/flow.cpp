@@ -53,23 +53,26 @@ double Pulse::At(double time_s) const {
   return 1 - depth + depth * Ejection(time_s) * 2 / kEjection;
 }
 
-Flow::Flow(std::unique_ptr<const FlowGraph> graph, double viscosity_Pa_s, int inlet,
-           double inlet_mL_s, const std::vector<FlowEnd>& ends, const Pulse& pulse,
-           std::vector<StenosisLoss> stenoses, const Obstruction& obstruction)
+Flow::Flow(std::unique_ptr<const FlowGraph> graph, double viscosity_Pa_s, const FlowInlet& inlet,
+           std::vector<FlowEnd> outlets, const Pulse& pulse, std::vector<StenosisLoss> stenoses,
+           const Obstruction& obstruction)
     : graph_(std::move(graph)),
       pulse_(pulse),
       inlet_(inlet),
       stenoses_(std::move(stenoses)),
       obstruction_(obstruction),
       mmHg_s_per_mL_mm3_(PoiseuilleMmHgSPerML(viscosity_Pa_s, 1)) {
-  memory_.inlet_mL_s = inlet_mL_s;
-  for (const FlowEnd& end : ends) {
-    if (end.node == inlet) {
-      inlet_mmHg_ = end.pressure_mmHg;
-    } else {
-      memory_.outlets.push_back(end);
-      has_windkessel_ = has_windkessel_ || end.compliance_mL_mmHg > 0;
-    }
+  memory_.ends = std::move(outlets);
+  for (const FlowEnd& end : memory_.ends) {
+    has_windkessel_ = has_windkessel_ || end.compliance_mL_mmHg > 0;
+  }
+  if (inlet_.held_mmHg) {
+    memory_.ends.push_back({.node = inlet_.node,
+                            .is_pressure = inlet_.resistance_mmHg_s_mL == 0,
+                            .pressure_mmHg = *inlet_.held_mmHg,
+                            .resistance_mmHg_s_mL = inlet_.resistance_mmHg_s_mL});
+  } else {
+    memory_.inlet_mL_s = inlet_.mL_s;
   }
   for (const FlowEdge& edge : graph_->edges()) {
     poiseuille_.push_back(PoiseuilleMmHgSPerML(
@@ -88,11 +91,11 @@ void Flow::Restart() {
   memory_.snapshot_count = 0;
   if (!stepped_) return;
   // The initial stored pressures are those of the mean flow.
-  memory_.stored_mmHg.assign(memory_.outlets.size(), 0);
-  for (std::size_t k = 0; k < memory_.outlets.size(); ++k) {
+  memory_.stored_mmHg.assign(memory_.ends.size(), 0);
+  for (std::size_t k = 0; k < memory_.ends.size(); ++k) {
     memory_.stored_mmHg[k] =
-        memory_.now.pressure_mmHg[static_cast<std::size_t>(memory_.outlets[k].node)] -
-        memory_.outlets[k].proximal_mmHg_s_mL * memory_.now.end_mL_s[k];
+        memory_.now.pressure_mmHg[static_cast<std::size_t>(memory_.ends[k].node)] -
+        memory_.ends[k].proximal_mmHg_s_mL * memory_.now.end_mL_s[k];
   }
   memory_.step_losses_mL_s.clear();
   for (const StenosisLoss& loss : stenoses_) {
@@ -111,7 +114,7 @@ void Flow::CopyFrom(const Effect& twin) {
 
 std::vector<double> Flow::Inflow(double inlet_mL_s) const {
   std::vector<double> inflow(graph_->nodes().size(), 0);
-  inflow[static_cast<std::size_t>(inlet_)] = inlet_mL_s;
+  inflow[static_cast<std::size_t>(inlet_.node)] = inlet_mL_s;
   return inflow;
 }
 
@@ -148,28 +151,30 @@ constexpr int kMostRounds = 60;
 
 void Flow::SolveMean() {
   std::vector<double> losses_mL_s(stenoses_.size(), 0);
-  std::vector<double> pressures;
-  std::vector<double> systolic;
-  for (const FlowEnd& end : memory_.outlets) {
-    pressures.push_back(end.pressure_mmHg);
-    systolic.push_back(end.systolic_mmHg);
+  const std::vector<double> none(memory_.ends.size(), 0);
+  std::vector<double> outlet_mmHg = none;
+  std::vector<double> inlet_mmHg = none;
+  std::vector<double> systolic_mmHg = none;
+  for (std::size_t k = 0; k < memory_.ends.size(); ++k) {
+    const FlowEnd& end = memory_.ends[k];
+    (IsHeldInlet(end) ? inlet_mmHg : outlet_mmHg)[k] = end.pressure_mmHg;
+    systolic_mmHg[k] = end.systolic_mmHg;
   }
-  const std::vector<double> none(memory_.outlets.size(), 0);
   const double ejection = Pulse().Ejection(0);
   for (int round = 0; round < kMostRounds; ++round) {
     const std::vector<double> resistances = Resistances(losses_mL_s);
-    steady_ = std::make_unique<FlowSolution>(*graph_, resistances, memory_.outlets);
-    memory_.exchange = steady_->Solve(Inflow(0), pressures);
-    memory_.muscle = steady_->Solve(Inflow(0), systolic);
-    if (inlet_mmHg_) {
+    steady_ = std::make_unique<FlowSolution>(*graph_, resistances, memory_.ends);
+    memory_.exchange = steady_->Solve(Inflow(0), outlet_mmHg);
+    memory_.muscle = steady_->Solve(Inflow(0), systolic_mmHg);
+    if (inlet_.mean_mmHg) {
       // Sets the inlet's mean flow to match its pressure, which is linear in the flow.
-      const auto at = static_cast<std::size_t>(inlet_);
+      const auto at = static_cast<std::size_t>(inlet_.node);
       const double unit_mmHg = steady_->Solve(Inflow(1), none).pressure_mmHg[at];
-      memory_.inlet_mL_s = (*inlet_mmHg_ - memory_.exchange.pressure_mmHg[at] -
+      memory_.inlet_mL_s = (*inlet_.mean_mmHg - memory_.exchange.pressure_mmHg[at] -
                             ejection * memory_.muscle.pressure_mmHg[at]) /
                            unit_mmHg;
     }
-    memory_.driven = steady_->Solve(Inflow(memory_.inlet_mL_s), none);
+    memory_.driven = steady_->Solve(Inflow(memory_.inlet_mL_s), inlet_mmHg);
     memory_.mean = memory_.exchange;
     const auto add = [&](std::vector<double> FlowSolution::Flows::*part) {
       for (std::size_t i = 0; i < (memory_.mean.*part).size(); ++i) {
@@ -187,7 +192,7 @@ void Flow::SolveMean() {
 // An implicit step of a Windkessel is a resistance with a pressure behind it:
 //   C (p - p_before)/h = q - (p - behind)/R,   end = p + proximal q.
 void Flow::MakeStep() {
-  std::vector<FlowEnd> ends = memory_.outlets;
+  std::vector<FlowEnd> ends = memory_.ends;
   for (FlowEnd& end : ends) {
     if (end.compliance_mL_mmHg == 0) continue;
     end.resistance_mmHg_s_mL = 1 / (end.compliance_mL_mmHg / kStepS + 1 / end.resistance_mmHg_s_mL);
@@ -200,10 +205,11 @@ void Flow::Step() {
   memory_.time_s += kStepS;
   const std::vector<double> inflow = Inflow(memory_.inlet_mL_s * pulse_.At(memory_.time_s));
   const double ejection = pulse_.Ejection(memory_.time_s);
-  std::vector<double> behind(memory_.outlets.size(), 0);
-  for (std::size_t k = 0; k < memory_.outlets.size(); ++k) {
-    const FlowEnd& end = memory_.outlets[k];
-    behind[k] = end.pressure_mmHg + ejection * end.systolic_mmHg;
+  std::vector<double> behind(memory_.ends.size(), 0);
+  for (std::size_t k = 0; k < memory_.ends.size(); ++k) {
+    const FlowEnd& end = memory_.ends[k];
+    const double pulse = IsHeldInlet(end) ? pulse_.At(memory_.time_s) : 1;
+    behind[k] = pulse * end.pressure_mmHg + ejection * end.systolic_mmHg;
     if (end.compliance_mL_mmHg == 0) continue;
     behind[k] = (end.compliance_mL_mmHg / kStepS * memory_.stored_mmHg[k] +
                  behind[k] / end.resistance_mmHg_s_mL) *
@@ -214,8 +220,8 @@ void Flow::Step() {
     if (!MoveLosses(stenoses_, memory_.now, memory_.step_losses_mL_s)) break;
     MakeStep();
   }
-  for (std::size_t k = 0; k < memory_.outlets.size(); ++k) {
-    if (memory_.outlets[k].compliance_mL_mmHg == 0) continue;
+  for (std::size_t k = 0; k < memory_.ends.size(); ++k) {
+    if (memory_.ends[k].compliance_mL_mmHg == 0) continue;
     memory_.stored_mmHg[k] =
         behind[k] + step_->ends()[k].resistance_mmHg_s_mL * memory_.now.end_mL_s[k];
   }

@@ -1,8 +1,11 @@
 // Blood flow in the centerline network: one dimension, Poiseuille's resistance, and a pulse.
 //
-//   flow(t) = exchange between the pressures of the outlets  steady
-//           + flow driven by the heart at the inlet          times the pulse
-//           + back pressure of the heart's muscle            times the ejection
+//   flow(t) = exchange between the pressures of the outlets          steady
+//           + flow driven by the flow or the pressure at the inlet   times the pulse
+//           + back pressure of the heart's muscle                    times the ejection
+//
+// A flow source at the inlet delivers its flow against any pressure. A pressure source delivers
+// less if something else, such as an injection, adds to the flow.
 //
 // The model has no inertia of the blood and no compliance of the network's own walls, so waves have
 // no speed. With Windkessels, stenoses or obstructing devices the flow advances in short implicit
@@ -18,8 +21,9 @@
 
 namespace torquer::effects {
 
-/// Factor on the flow driven by the heart, over its cycle: 1 - depth + depth * ejection. The
-/// ejection is sin^2 in the first 35 % of the cycle; the factor has the mean 1. Never negative.
+/// Factor on the flow or the pressure of the inlet, over the heart's cycle: 1 - depth + depth *
+/// ejection. The ejection is sin^2 in the first 35 % of the cycle; the factor has the mean 1. Never
+/// negative.
 struct Pulse {
   double per_minute = 0;  ///< 0: steady
   double depth = 0;       ///< 0 .. 1: fraction of the flow that comes only during the ejection
@@ -41,14 +45,24 @@ struct Obstruction {
   const vessel::MovingField* moving = nullptr;
 };
 
+/// The end through which the blood enters, at a node of the graph.
+struct FlowInlet {
+  int node = 0;
+  double mL_s = 0;  ///< mean of a flow source; unused if a pressure is given
+  /// Flow source with that mean pressure, which sets its mean flow.
+  std::optional<double> mean_mmHg = std::nullopt;
+  /// Pressure source with that mean pressure, behind a resistance; 0: at the inlet itself.
+  std::optional<double> held_mmHg = std::nullopt;
+  double resistance_mmHg_s_mL = 0;
+};
+
 class Flow final : public Effect, public Evolution {
  public:
-  /// ends: all free ends but the inlet; also the inlet if its mean pressure is given, and
-  /// inlet_mL_s is then ignored. viscosity_Pa_s > 0. The objects that `obstruction` points to must
-  /// outlive this.
-  Flow(std::unique_ptr<const FlowGraph> graph, double viscosity_Pa_s, int inlet, double inlet_mL_s,
-       const std::vector<FlowEnd>& ends, const Pulse& pulse,
-       std::vector<StenosisLoss> stenoses = {}, const Obstruction& obstruction = {});
+  /// outlets: all free ends but the inlet. At most one of the inlet's pressures is given.
+  /// viscosity_Pa_s > 0. The objects that `obstruction` points to must outlive this.
+  Flow(std::unique_ptr<const FlowGraph> graph, double viscosity_Pa_s, const FlowInlet& inlet,
+       std::vector<FlowEnd> outlets, const Pulse& pulse, std::vector<StenosisLoss> stenoses = {},
+       const Obstruction& obstruction = {});
 
   Evolution* evolution() override { return this; }
   void Advance(const TickView& tick) override;
@@ -69,7 +83,7 @@ class Flow final : public Effect, public Evolution {
   /// Mean over a cycle; stenosis losses are taken at the mean flow.
   const FlowSolution::Flows& mean() const { return memory_.mean; }
   const Pulse& pulse() const { return pulse_; }
-  int inlet() const { return inlet_; }
+  int inlet() const { return inlet_.node; }
   /// Flow of every edge, mL/s, at a time. Any time is allowed without Windkessels, stenoses and
   /// obstruction; otherwise only times of the last advance.
   void EdgesAt(double time_s, std::vector<double>& edge_mL_s) const;
@@ -83,8 +97,8 @@ class Flow final : public Effect, public Evolution {
   };
   // State of the flow, without the solutions, which belong to one graph.
   struct Memory {
-    std::vector<FlowEnd> outlets;
-    double inlet_mL_s = 0;           // mean
+    std::vector<FlowEnd> ends;       // the outlets, then the inlet if it holds its pressure
+    double inlet_mL_s = 0;           // mean of a flow source
     std::vector<double> obstructed;  // increase of poiseuille_ by devices
     int version = 0;
     FlowSolution::Flows mean, exchange, driven, muscle;
@@ -99,16 +113,16 @@ class Flow final : public Effect, public Evolution {
 
   std::vector<double> Resistances(const std::vector<double>& stenosis_flow_mL_s) const;
   std::vector<double> Inflow(double inlet_mL_s) const;
+  bool IsHeldInlet(const FlowEnd& end) const { return end.node == inlet_.node; }
   void SolveMean();
   void MakeStep();
   void Step();
 
   std::unique_ptr<const FlowGraph> graph_;
   const Pulse pulse_;
-  const int inlet_;
+  const FlowInlet inlet_;
   const std::vector<StenosisLoss> stenoses_;
   const Obstruction obstruction_;
-  std::optional<double> inlet_mmHg_;
   const double mmHg_s_per_mL_mm3_;  // Poiseuille, for an integral of 1/r^4
   bool has_windkessel_ = false;
   bool stepped_ = false;

@@ -12,6 +12,8 @@ namespace torquer::effects {
 
 namespace {
 
+constexpr double kPulsatility = 0.5;  // of a flow source, if the scene gives none
+
 enum class CurveEnd { kStart, kEnd };
 enum class Outlets { kAutomatic, kMurray, kPressure };
 
@@ -35,7 +37,9 @@ struct FlowSpec : TableSpec {
   std::string inlet;
   CurveEnd inlet_end = CurveEnd::kStart;
   std::optional<double> inlet_mL_s;
-  std::optional<double> inlet_mmHg;
+  std::optional<double> inlet_mean_mmHg;
+  std::optional<double> inlet_held_mmHg;
+  double inlet_resistance_mmHg_s_mL = 0;
   double viscosity_mPa_s = 3.5;
   Outlets outlets = Outlets::kAutomatic;
   double bed_mmHg = 90;
@@ -43,7 +47,7 @@ struct FlowSpec : TableSpec {
   double outlet_mmHg = 0;
   double compliance_mL_mmHg = 0;
   double rate_per_min = 0;
-  double pulsatility = 0.5;
+  std::optional<double> pulsatility;
   bool obstruction = false;
   std::vector<OutletSpec> outlet;
   std::vector<StenosisSpec> stenosis;
@@ -99,13 +103,22 @@ const Keys<StenosisSpec>& StenosisKeys() {
 }
 
 void Check(const FlowSpec& spec, StrictTable& table) {
-  if (spec.inlet_mL_s.has_value() == spec.inlet_mmHg.has_value()) {
-    table.Refuse("inlet", "needs exactly one of inlet_mL_s and inlet_mmHg");
+  const int given = int{spec.inlet_mL_s.has_value()} + int{spec.inlet_mean_mmHg.has_value()} +
+                    int{spec.inlet_held_mmHg.has_value()};
+  if (given != 1) {
+    table.Refuse("inlet",
+                 "needs exactly one of inlet_mL_s (a flow source), inlet_mean_mmHg (a flow source "
+                 "with that mean pressure) and inlet_held_mmHg (a pressure source)");
+  }
+  if (table.Has("inlet_resistance_mmHg_s_mL") && !spec.inlet_held_mmHg) {
+    table.Refuse("inlet_resistance_mmHg_s_mL",
+                 "is a resistance of a pressure source, and the inlet is a flow source; give "
+                 "inlet_held_mmHg as its pressure, or remove this key");
   }
   if (spec.outlets == Outlets::kMurray && !spec.inlet_mL_s) {
     table.Refuse("outlets",
                  "needs inlet_mL_s, from which murray computes the resistances of the outlets; "
-                 "give inlet_mL_s instead of inlet_mmHg, or set outlets = \"pressure\"");
+                 "give inlet_mL_s instead of the inlet's pressure, or set outlets = \"pressure\"");
   }
 }
 
@@ -116,15 +129,23 @@ const Keys<FlowSpec>& FlowKeys() {
           .Text("inlet", &FlowSpec::inlet, "centerline whose free end is the inlet")
           .Choice("inlet_end", &FlowSpec::inlet_end, {"start", "end"},
                   "end of the centerline at which the inlet lies")
-          .Otherwise("give inlet_mmHg")
-          .Number("inlet_mL_s", &FlowSpec::inlet_mL_s, 1e-3, 1000, "mL/s", "mean flow at the inlet")
-          .Otherwise("give inlet_mL_s")
-          .Number("inlet_mmHg", &FlowSpec::inlet_mmHg, -50, 500, "mmHg", "pressure at the inlet")
+          .Otherwise("give inlet_mean_mmHg or inlet_held_mmHg")
+          .Number("inlet_mL_s", &FlowSpec::inlet_mL_s, 1e-3, 1000, "mL/s",
+                  "mean flow of a flow source at the inlet, which no injection reduces")
+          .Otherwise("give inlet_mL_s or inlet_held_mmHg")
+          .Number("inlet_mean_mmHg", &FlowSpec::inlet_mean_mmHg, -50, 500, "mmHg",
+                  "mean pressure of a flow source at the inlet; it sets the mean flow, which no "
+                  "injection reduces")
+          .Otherwise("give inlet_mL_s or inlet_mean_mmHg")
+          .Number("inlet_held_mmHg", &FlowSpec::inlet_held_mmHg, -50, 500, "mmHg",
+                  "pressure of a pressure source at the inlet; an injection reduces its flow")
+          .Number("inlet_resistance_mmHg_s_mL", &FlowSpec::inlet_resistance_mmHg_s_mL, 0, 1e6,
+                  "mmHg s/mL", "resistance between the pressure source and the inlet")
           .Number("viscosity_mPa_s", &FlowSpec::viscosity_mPa_s, 0.1, 100, "mPa s",
                   "dynamic viscosity of the blood")
           .Choice("outlets", &FlowSpec::outlets, {"automatic", "murray", "pressure"},
                   "model of all outlets: resistances by Murray's law, or one pressure; automatic: "
-                  "murray with inlet_mL_s, pressure with inlet_mmHg")
+                  "murray with inlet_mL_s, pressure with a pressure at the inlet")
           .Number("bed_mmHg", &FlowSpec::bed_mmHg, 1, 500, "mmHg",
                   "pressure drop over the vessels behind the outlets at the mean flow")
           .Number("murray_exponent", &FlowSpec::murray_exponent, 1, 4, "",
@@ -137,8 +158,11 @@ const Keys<FlowSpec>& FlowKeys() {
                   "Murray's law; 0: no Windkessels")
           .Number("rate_per_min", &FlowSpec::rate_per_min, 0, 300, "1/min",
                   "heart rate; 0: steady flow")
-          .Number("pulsatility", &FlowSpec::pulsatility, 0, 1, "",
-                  "fraction of the inlet flow that enters only during systole")
+          .Otherwise("0.5; 0 with inlet_held_mmHg")
+          .Number(
+              "pulsatility", &FlowSpec::pulsatility, 0, 1, "",
+              "fraction of the flow or the held pressure at the inlet that is there only during "
+              "systole")
           .Boolean("obstruction", &FlowSpec::obstruction,
                    "true: instruments narrow the lumen, as if each lay on the centerline")
           .Tables("outlet", &FlowSpec::outlet, OutletKeys(), 0,
@@ -150,10 +174,15 @@ const Keys<FlowSpec>& FlowKeys() {
               "inlet = \"aorta\"\n"
               "inlet_mL_s = 80\n"
               "rate_per_min = 72\n"
-              "pulsatility = 0.4\n"
+              "pulsatility = 1\n"
+              "[[effects.flow.outlet]]\n"
+              "centerline = \"aorta\"\n"
+              "resistance_mmHg_s_mL = 1.2\n"
+              "compliance_mL_mmHg = 1.4\n"
               "[[effects.flow.outlet]]\n"
               "centerline = \"lad\"\n"
-              "resistance_mmHg_s_mL = 100\n");
+              "resistance_mmHg_s_mL = 100\n"
+              "systolic_mmHg = 120\n");
   return keys;
 }
 
@@ -287,19 +316,22 @@ std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& cont
     spec.origin.Refuse("inlet", "its " + side + " is joined to other curves; name a free end");
   }
   CheckConnected(spec, *graph, inlet);
-  std::vector<FlowEnd> ends = AllOutlets(spec, *graph, inlet);
-  if (spec.inlet_mmHg) {
-    ends.push_back({.node = inlet, .is_pressure = true, .pressure_mmHg = *spec.inlet_mmHg});
-  }
+  std::vector<FlowEnd> outlets = AllOutlets(spec, *graph, inlet);
   std::vector<StenosisLoss> stenoses;
   for (const StenosisSpec& stenosis : spec.stenosis) {
     stenoses.push_back(MakeStenosis(stenosis, *graph));
   }
   Obstruction obstruction;
   if (spec.obstruction) obstruction = {&context.wire, context.moving};
-  return std::make_unique<Flow>(
-      std::move(graph), 1e-3 * spec.viscosity_mPa_s, inlet, spec.inlet_mL_s.value_or(0), ends,
-      Pulse{spec.rate_per_min, spec.pulsatility}, std::move(stenoses), obstruction);
+  const FlowInlet source{.node = inlet,
+                         .mL_s = spec.inlet_mL_s.value_or(0),
+                         .mean_mmHg = spec.inlet_mean_mmHg,
+                         .held_mmHg = spec.inlet_held_mmHg,
+                         .resistance_mmHg_s_mL = spec.inlet_resistance_mmHg_s_mL};
+  const Pulse pulse{spec.rate_per_min,
+                    spec.pulsatility.value_or(spec.inlet_held_mmHg ? 0 : kPulsatility)};
+  return std::make_unique<Flow>(std::move(graph), 1e-3 * spec.viscosity_mPa_s, source,
+                                std::move(outlets), pulse, std::move(stenoses), obstruction);
 }
 
 }  // namespace
