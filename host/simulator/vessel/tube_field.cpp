@@ -14,9 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Rounding of the values in FindNear.
-constexpr double kNearMargin_mm = 1e-6;
-constexpr double kNone = -std::numeric_limits<double>::infinity();  // value without a tube
+constexpr double kNoTube = -std::numeric_limits<double>::infinity();  // value without a tube
 
 // Distance d to the axis as a function Q of u = d^2, rounded for d < round. The even polynomial
 // round (3/8 + 3/4 (d/round)^2 - 1/8 (d/round)^4) meets d with two derivatives at d = round.
@@ -334,7 +332,7 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
   Matrix3d hessian;
   for (const TubeData& tube : tubes_) {
     // A later tube changes nothing if all its spheres stay below the blend.
-    const double least = first ? kNone : value - union_width_mm_;
+    const double least = first ? kNoTube : value - union_width_mm_;
     const double reach = tube.ball_radius - least;
     if (reach <= 0 || (p - tube.ball_center).squaredNorm() > reach * reach) continue;
     Contact contact{least, 0, first ? &tube.primitives.front() : nullptr, false};
@@ -387,57 +385,6 @@ double TubeField::Blend(double value, double other) const {
   const double h = union_width_mm_ - std::abs(value - other);
   if (h <= 0) return std::max(value, other);
   return std::max(value, other) + h * h * h / (6 * union_width_mm_ * union_width_mm_);
-}
-
-// Tubes and primitives that Evaluate cannot do without in a ball. Values are nowhere steeper than
-// 1: a value at the center bounds those in the ball.
-std::vector<TubeField::NearTube> TubeField::FindNear(const Vector3d& center,
-                                                     double radius_mm) const {
-  const double change_mm = 2 * radius_mm + kNearMargin_mm;  // of the difference of two values
-  std::vector<NearTube> near;
-  double value = 0;
-  std::vector<double> values;
-  for (const TubeData& tube : tubes_) {
-    values.clear();
-    for (const Primitive& primitive : tube.primitives) {
-      Contact contact{kNone, 0, &primitive, false};
-      Look(primitive, tube.round_mm, center, contact);
-      values.push_back(contact.value);
-    }
-    const double largest = *std::max_element(values.begin(), values.end());
-    const double apart = union_width_mm_ + change_mm;
-    if (!near.empty() && largest < value - apart) continue;
-    // The tubes before this one change nothing if it exceeds them by more than the union width.
-    if (!near.empty() && largest > value + apart) near.clear();
-    value = near.empty() ? largest : Blend(value, largest);
-    near.push_back({tube.round_mm, {}});
-    for (size_t i = 0; i < values.size(); ++i) {
-      if (values[i] >= largest - change_mm) near.back().primitives.push_back(&tube.primitives[i]);
-    }
-  }
-  return near;
-}
-
-void TubeField::SampleGrid(const double* x, const double* y, const double* z, int count,
-                           double* distances) const {
-  const Vector3d low(x[0], y[0], z[0]), high(x[count - 1], y[count - 1], z[count - 1]);
-  const std::vector<NearTube> near = FindNear((low + high) / 2, (high - low).norm() / 2);
-  for (int k = 0; k < count; ++k) {
-    for (int j = 0; j < count; ++j) {
-      for (int i = 0; i < count; ++i) {
-        const Vector3d p(x[i], y[j], z[k]);
-        double value = kNone;
-        for (const NearTube& tube : near) {
-          Contact contact{value - union_width_mm_, 0, nullptr, false};
-          for (const Primitive* primitive : tube.primitives) {
-            Look(*primitive, tube.round_mm, p, contact);
-          }
-          if (contact.primitive != nullptr) value = Blend(value, contact.value);
-        }
-        *distances++ = value;
-      }
-    }
-  }
 }
 
 double TubeField::Clearance(const Vector3d& point_mm) const {
