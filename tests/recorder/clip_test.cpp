@@ -13,6 +13,7 @@
 #include "host/simulator/jpeg_encoder.h"
 #include "protocol/lcm_channels.h"
 #include "tests/recorder/clip_fixture.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/temporary_folder.h"
 
 using namespace torquer;
@@ -109,7 +110,7 @@ TEST_CASE("A clip of two joined logs is refused, and no video is left") {
   WriteScreenLog(folder.Path("log"));
   const std::string log = Contents(folder.Path("log"));
   std::ofstream(folder.Path("both"), std::ios::binary) << log << log;
-  const Outcome made = Clip({folder.Path("both"), folder.Path("clip.mp4")});
+  const ProgramRun made = Clip({folder.Path("both"), folder.Path("clip.mp4")});
   CHECK(made.status == 2);
   CHECK_THAT(made.error, Catch::Contains("both: 2 logs are joined in it") &&
                              Catch::Contains("give each log by itself"));
