@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "host/tools/flash_procedure.h"
+#include "protocol/hid_reports.h"
 #include "tests/support/paths.h"
 
 namespace {

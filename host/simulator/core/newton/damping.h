@@ -19,7 +19,9 @@ class Damping {
 
   /// Call it before the first attempt of an iteration.
   void Begin(double residual) {
-    weight_ = ratio_ * residual;
+    // A first step far from equilibrium leaves the region in which its model holds.
+    const double ratio = residual > kFarResidual ? std::max(ratio_, kFarRatio) : ratio_;
+    weight_ = ratio * residual;
     if (weight_ < kSmallestWeight) weight_ = 0;
     refused_ = false;
   }
@@ -60,6 +62,8 @@ class Damping {
   static constexpr double kLargestWeight = 1e12;
   static constexpr double kFirstRatio =
       0.1;  // first ratio after a refusal if no weight was needed before
+  static constexpr double kFarRatio = 2;        // smallest ratio above kFarResidual
+  static constexpr double kFarResidual = 5e-3;  // residual
 
   double ratio_ = 0;             // weight over residual that last worked
   double ratio_after_move_ = 0;  // same, of the first iteration after a move
