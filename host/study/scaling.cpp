@@ -12,6 +12,7 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/cpu_time.h"
+#include "host/study/peers_problem.h"
 #include "host/study/quantile.h"
 #include "host/study/wires.h"
 #include "host/support/machine.h"
@@ -229,6 +230,7 @@ class ScalingStudy final : public Study {
     run.Show(table_);
     MeasureGrowth(run, vessel, tip);
     MeasureWholeInsertion(run, vessel, tip);
+    MeasurePeersProblem(run);
     CompareWithPaper(run, vessel);
     return true;
   }

@@ -299,6 +299,37 @@ TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted
   repeat(session);
 }
 
+TEST_CASE("A wire at rest follows a beating heart in few attempts") {
+  const SceneFile file(
+      "[effects.heartbeat]\namplitude_mm = 2\ndirection = [0, 0, 1]\n"
+      "[[effects.heartbeat.region]]\ncenter_mm = [60, 0, 0]\nradius_mm = 10\nedge_mm = 20\n"
+      "[effects.friction]\ncoefficient = 0.1\n");
+  scene::Scene scene(file.path());
+  simulator::Simulation session(scene);
+  simulator::Command command;
+  command.target = session.target();
+  CountedBudget plenty(100000);
+  while (command.target[0].insertion_mm < 80) {
+    command.target[0].insertion_mm += 0.5;
+    command.time_s += 0.005;
+    REQUIRE(session.Tick(command, plenty).converged);
+  }
+  constexpr int kTicks = 400;
+  int moved = 0;
+  int work = 0;
+  for (int k = 0; k < kTicks; ++k) {
+    command.time_s += 0.005;
+    const std::uint64_t before = session.state_hash();
+    const TickReport report = session.Tick(command, plenty);
+    REQUIRE(report.converged);
+    moved += session.state_hash() != before;
+    work += report.work;
+  }
+  CHECK(moved > kTicks / 4);
+  INFO(work << " attempts in " << moved << " ticks with motion");
+  CHECK(work < 2 * moved);
+}
+
 TEST_CASE("The shipped scenes of these effects start and run, and the drill has no effect") {
   const std::string folder = SourcePath("/host/scenes/");
   for (const std::string name : {"drill_tube", "calcified", "beating_heart"}) {

@@ -37,6 +37,8 @@ class ClearanceField {
   /// For a moving vessel: upper bound of the distance that any wall point has moved since the
   /// start, mm. Never decreases. An earlier look-up does not bound wall motion after it.
   virtual double TravelMm() const { return 0; }
+  /// Part of TravelMm() that the last motion added, mm. Exact, unlike a difference of two travels.
+  virtual double LastTravelMm() const { return 0; }
 };
 
 }  // namespace torquer

@@ -30,6 +30,8 @@ class FieldMotion {
   /// Longest way that a point of the wall has moved since the start, mm. It is an upper bound and
   /// never decreases.
   virtual double TravelMm() const = 0;
+  /// Part of TravelMm() that the last call of SetTime added, mm.
+  virtual double LastTravelMm() const = 0;
   /// Largest norm of the offset's jacobian at any point and time, < 1.
   virtual double LargestStretch() const = 0;
 };

@@ -70,4 +70,10 @@ double MovingField::TravelMm() const {
   return travel_mm * at_rest_.LipschitzBound();
 }
 
+double MovingField::LastTravelMm() const {
+  double travel_mm = 0;
+  for (const FieldMotion* motion : motions_) travel_mm += motion->LastTravelMm();
+  return travel_mm * at_rest_.LipschitzBound();
+}
+
 }  // namespace torquer::vessel

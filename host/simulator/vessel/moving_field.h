@@ -27,6 +27,7 @@ class MovingField final : public ClearanceField {
   void EvaluateHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const override;
   double LipschitzBound() const override;
   double TravelMm() const override;
+  double LastTravelMm() const override;
 
   /// Rest position of a point of the moved vessel, mm.
   Eigen::Vector3d AtRest(const Eigen::Vector3d& point_mm) const;

@@ -6,32 +6,34 @@
 #include <vector>
 
 #include "host/simulator/core/curve.h"
+#include "host/simulator/core/newton/segment_turns.h"
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer {
 
 /// Predicts the relaxation after a feed (README, section 8). It repeats the turn of every segment
-/// during the relaxation after the previous feed, scaled by the ratio of the feed lengths.
-/// Segments are counted from the tip. No heap after construction.
+/// during the relaxation after the previous feed, scaled by the ratio of the feed lengths. No heap
+/// after construction.
 class FeedPrediction {
  public:
   explicit FeedPrediction(const WireModel& model);
 
   /// Forgets the previous feed: the next feed is not predicted.
   void Forget() { fed_mm_ = 0; }
+  /// The relaxation after the last feed ends with `curve`. Without this call it ends at the next
+  /// feed.
+  void Finish(const Curve& curve);
   /// Feeds the curve to `to_mm` (Curve::Feed) and applies the predicted turns. Predicts nothing
-  /// if the hand turned back, if it fed more than six times as much, if a segment would turn by
-  /// more than 0.1 rad, or if a node would move by more than `most_mm`.
+  /// if the hand turned back, if it fed more than six times as much, or beyond the limits of
+  /// SegmentTurns::Repeat.
   void Feed(const WireModel& model, double to_mm, double most_mm, Curve& curve);
   std::uint64_t Hash(std::uint64_t seed) const;
 
  private:
-  void Turn(const WireModel& model, double ratio, double most_mm, Curve& curve);
-  bool MovesTooFar(const WireModel& model, double most_mm, const Curve& curve) const;
-
-  std::vector<Eigen::Vector3d> fed_;    // tangents right after the last feed
-  std::vector<Eigen::Vector3d> drift_;  // their turns since then, rad; the most distal first
-  double fed_mm_ = 0;                   // last feed; 0 without one
+  std::vector<Eigen::Vector3d> fed_;  // tangents right after the last feed
+  SegmentTurns turns_;                // since then, if `finished_`
+  bool finished_ = false;
+  double fed_mm_ = 0;  // last feed; 0 without one
 };
 
 }  // namespace torquer

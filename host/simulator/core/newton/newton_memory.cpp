@@ -7,10 +7,12 @@ namespace torquer {
 void NewtonMemory::Reserve(const WireMechanics& mechanics) {
   const auto curves = static_cast<std::size_t>(mechanics.curves());
   active_sets.reserve(curves);
-  predictions.reserve(curves);
+  feeds.reserve(curves);
+  travels.reserve(curves);
   for (int c = 0; c < mechanics.curves(); ++c) {
     active_sets.emplace_back(mechanics.points(c).capacity());
-    predictions.emplace_back(mechanics.model(c));
+    feeds.emplace_back(mechanics.model(c));
+    travels.emplace_back(mechanics.model(c));
   }
 }
 
@@ -38,16 +40,17 @@ std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   // Names every member, so that a struct with another one does not compile. The scene and the state
   // determine the last three.
   const auto& [phase_now, part_now, was_moved, was_pushed, is_stable, is_paired, times_paired,
-               when_paired, iterations, contacts, damper, feeds, travel, is_current, quadratic] =
-      *this;
-  for (const FeedPrediction& feed : feeds) seed = feed.Hash(seed);
+               when_paired, iterations, contacts, damper, of_feeds, of_travels, travel, is_current,
+               quadratic] = *this;
+  for (const FeedPrediction& feed : of_feeds) seed = feed.Hash(seed);
+  for (const TravelPrediction& one : of_travels) seed = one.Hash(seed);
   seed = damper.Hash(seed);
   seed = HashWord(static_cast<std::uint64_t>(iterations), seed);
   seed = HashWord(static_cast<std::uint64_t>(phase_now), seed);
   seed = HashWord(static_cast<std::uint64_t>(part_now), seed);
   for (const bool flag : {was_moved, was_pushed, is_stable}) seed = HashWord(flag ? 1 : 0, seed);
   // Only several curves have pairs.
-  if (feeds.size() > 1) {
+  if (of_feeds.size() > 1) {
     seed = HashWord(static_cast<std::uint64_t>(2 * times_paired + (is_paired ? 1 : 0)), seed);
     seed = HashDouble(when_paired, seed);
   }

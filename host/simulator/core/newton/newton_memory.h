@@ -7,6 +7,7 @@
 #include "host/simulator/core/newton/active_set.h"
 #include "host/simulator/core/newton/damping.h"
 #include "host/simulator/core/newton/feed_prediction.h"
+#include "host/simulator/core/newton/travel_prediction.h"
 #include "host/simulator/core/wire_mechanics.h"
 
 namespace torquer {
@@ -37,9 +38,10 @@ struct NewtonMemory {
   int iterations_since_move = 0;
   std::vector<ActiveSet> active_sets{};  ///< of the wall; by curve
   Damping damping{};
-  std::vector<FeedPrediction> predictions{};  ///< by curve
-  double travel_mm = 0;                       ///< travel of the vessel at `current`
-  bool up_to_date = true;                     ///< `current` belongs to the state
+  std::vector<FeedPrediction> feeds{};      ///< by curve
+  std::vector<TravelPrediction> travels{};  ///< by curve
+  double travel_mm = 0;                     ///< travel of the vessel at `current`
+  bool up_to_date = true;                   ///< `current` belongs to the state
   QuadraticModel
       current;  ///< quadratic model at the state; while attempting with the loads of the model
 
@@ -50,9 +52,14 @@ struct NewtonMemory {
   void Reserve(const WireMechanics& mechanics);
   /// Forgets the motion and the iterations, but keeps `current`.
   void Forget();
-  /// Forgets the motion that the next feed of each curve continues.
+  /// Forgets the motions that the next feed of each curve and the vessel's next motion continue.
   void ForgetPredictions() {
-    for (FeedPrediction& prediction : predictions) prediction.Forget();
+    for (FeedPrediction& prediction : feeds) prediction.Forget();
+    ForgetTravels();
+  }
+  /// Forgets the motion that the vessel's next motion continues.
+  void ForgetTravels() {
+    for (TravelPrediction& prediction : travels) prediction.Forget();
   }
   /// Call it after each move.
   void Move();

@@ -158,13 +158,31 @@ template <class Sweep>
 void NewtonMethod<Sweep>::Begin(WireState& state) {
   // Continues an interrupted part as it was begun, unless the vessel has moved since.
   const bool still = field_.TravelMm() == memory_.travel_mm;
-  if (memory_.part == Part::kClosed || !still) {
+  const bool begins = memory_.part == Part::kClosed;
+  if (begins || !still) {
     BeginPart(state);
     if (memory_.stalled()) memory_.phase = Phase::kIdle;
     memory_.pushed = false;
   }
   memory_.up_to_date = memory_.up_to_date && still;
+  if (begins && !still) {
+    FollowVessel(state);
+  } else {
+    memory_.ForgetTravels();
+  }
   memory_.travel_mm = field_.TravelMm();
+}
+
+// Moves the curves as the vessel's motion will, by the prediction.
+template <class Sweep>
+void NewtonMethod<Sweep>::FollowVessel(WireState& state) {
+  const double travel_mm = field_.LastTravelMm();
+  const double most_mm = FindPassingLimits(state, mechanics_, memory_.current.between).predicted_mm;
+  for (int c = 0; c < state.curves(); ++c) {
+    memory_.feeds[static_cast<std::size_t>(c)].Finish(state.curve(c));
+    memory_.travels[static_cast<std::size_t>(c)].Travel(mechanics_.model(c), travel_mm, most_mm,
+                                                        state.curve(c));
+  }
 }
 
 // Contact forces are undefined until the solver has converged, so none are given.
@@ -226,13 +244,14 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   for (int c = 0; c < state.curves(); ++c) {
     memory_.active_sets[static_cast<std::size_t>(c)].RememberPressed(memory_.current.curve(c));
   }
-  MoveInstruments(next, limits.predicted_mm, stack(), memory_.predictions, mechanics_, state);
+  MoveInstruments(next, limits.predicted_mm, stack(), memory_.feeds, mechanics_, state);
 
   // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.
   if (state.Farthest().segments() == 0) {
     memory_.damping.ForgetMoves();
     memory_.ForgetPredictions();
   }
+  memory_.ForgetTravels();
   memory_.Move();
   for (int c = 0; c < state.curves(); ++c) mechanics_.points(c).SampleStiffness(state.curve(c));
   Pair(state);

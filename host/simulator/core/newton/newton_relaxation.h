@@ -78,6 +78,7 @@ class NewtonMethod final : public Relaxation {
 
   bool several_curves() const { return kFront && stack().curves() > 1; }
   // For the terms, every part of a motion is one relaxation: Begin .. End.
+  void FollowVessel(WireState& state);
   void BeginPart(const WireState& state);
   void EndPart();
   void FindPressed(const WireState& state);

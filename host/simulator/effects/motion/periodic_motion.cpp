@@ -16,7 +16,8 @@ void PeriodicMotion::SetTime(double time_s) {
   const double periods = time_s / settings_.period_s + settings_.phase;
   const double now = Pulse(periods - std::floor(periods));
   // The vessel is evaluated only at times set here, so the straight distance between them counts.
-  travel_mm_ += settings_.way_mm.norm() * std::abs(now - displaced_);
+  last_travel_mm_ = settings_.way_mm.norm() * std::abs(now - displaced_);
+  travel_mm_ += last_travel_mm_;
   displaced_ = now;
 }
 

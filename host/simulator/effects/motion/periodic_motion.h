@@ -26,11 +26,13 @@ class PeriodicMotion : public Effect, public vessel::FieldMotion {
     const auto& from = dynamic_cast<const PeriodicMotion&>(twin);
     displaced_ = from.displaced_;
     travel_mm_ = from.travel_mm_;
+    last_travel_mm_ = from.last_travel_mm_;
   }
 
   void SetTime(double time_s) override;
   void AddOffset(const Eigen::Vector3d& point_mm, vessel::Offset& offset) const override;
   double TravelMm() const override { return travel_mm_; }
+  double LastTravelMm() const override { return last_travel_mm_; }
   double LargestStretch() const override;
 
   const Settings& settings() const { return settings_; }
@@ -49,6 +51,7 @@ class PeriodicMotion : public Effect, public vessel::FieldMotion {
   const Settings settings_;
   double displaced_ = 0;  ///< the present pulse
   double travel_mm_ = 0;
+  double last_travel_mm_ = 0;
 };
 
 /// Largest stretch of all motions together; beyond it the vessel would nearly fold.
