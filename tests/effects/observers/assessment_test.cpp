@@ -86,6 +86,7 @@ class Aside final : public vessel::FieldMotion {
     offset.value[1] += shift_mm_;
   }
   double TravelMm() const override { return 12; }
+  double LastTravelMm() const override { return 12; }
   double LargestStretch() const override { return 0; }
 
  private:
