@@ -45,7 +45,7 @@ TEST_CASE("A vessel's motion is predicted from the one before, in proportion to 
   prediction.Travel(wire.model, 0.3, kAnyMm, wire.state);
   CHECK(wire.TipAngle(tip) == Approx(0.03).epsilon(1e-3));
   CHECK((wire.state.tangents()[5] - wire.state.tangents()[0]).norm() < 1e-12);
-  // What the relaxation adds to the prediction belongs to the motion.
+  // A prediction and its correction add up to the next motion.
   wire.TurnHalf(-0.02, across);
   tip = wire.state.tangents().back();
   prediction.Travel(wire.model, 0.3, kAnyMm, wire.state);
