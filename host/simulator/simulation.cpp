@@ -193,8 +193,9 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
 }
 
 double Simulation::longest_tick_s() const {
-  if (!timed_.empty()) return 1e-3;
-  if (scene_.moving_field() != nullptr || !evolutions_.empty()) return 5e-3;
+  constexpr double kLongestWithInertiaS = 1e-3;
+  if (!timed_.empty()) return std::min(kLongestWithInertiaS, scene_.longest_tick_s());
+  if (scene_.moving_field() != nullptr || !evolutions_.empty()) return scene_.longest_tick_s();
   return std::numeric_limits<double>::infinity();
 }
 

@@ -86,6 +86,19 @@ std::vector<std::filesystem::path> FieldsIn(const std::string& folder) {
 
 }  // namespace
 
+TEST_CASE("A step takes ticks of the scene's length while the vessel moves", "[api]") {
+  const auto ticks = [](const std::string& keys) {
+    const SceneFile file("linear_density_g_m = 0.7\n" + std::string(kBeating) + keys);
+    Simulation simulation(Scene::FromFile(file.path()));
+    return simulation.Step(Push(simulation)).ticks;
+  };
+  CHECK(ticks("") == 11);
+  CHECK(ticks("[relaxation]\nlongest_tick_ms = 20\n") == 3);
+  CHECK(ticks("[relaxation]\nlongest_tick_ms = 2\n") == 27);
+  // Inertia needs the ticks of a live session.
+  CHECK(ticks("[effects.inertia]\n[relaxation]\nlongest_tick_ms = 20\n") == 53);
+}
+
 TEST_CASE("A step tells of each of its ticks, and goes the way of one that does not", "[api]") {
   const SceneFile file(std::string(torquer::test::kFriction) + kBeating);
   const Scene scene = Scene::FromFile(file.path());

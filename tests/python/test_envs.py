@@ -261,6 +261,7 @@ def test_a_vector_of_pictures_of_another_size():
 def test_training_takes_longer_segments():
     task = torquer.envs.TASKS["ty_phantom"].for_training()
     assert (task.tolerance, task.segment_mm, task.longest_mm) == (1e-3, 2.0, 1.0)
+    assert (task.longest_feed_mm, task.longest_tick_ms) == (1.0, 20.0)
     assert torquer.envs.TASKS["ty_phantom"].segment_mm is None
     fine, coarse = (
         torquer.envs.NavigationEnv(torquer.scene_path("ty_phantom"), dataclasses.replace(task, segment_mm=mm))

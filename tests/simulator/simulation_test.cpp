@@ -59,6 +59,26 @@ TEST_CASE("A simulation follows its commands and restarts as it began", "[simula
   CHECK(simulation.state_hash() == moved);
 }
 
+TEST_CASE("A feed is relaxed in parts of the scene's longest feed", "[simulator]") {
+  const auto parts = [](const std::string& keys) {
+    const SceneFile file("[relaxation]\nsegment_mm = 1\n" + keys);
+    torquer::scene::Scene scene(file.path());
+    Simulation simulation(scene);
+    Command command;
+    command.target = simulation.target();
+    command.target[0].insertion_mm += 2;
+    CountedBudget budget(10000);
+    const torquer::TickReport report = simulation.Tick(command, budget);
+    CHECK(report.converged);
+    return report.actions;
+  };
+  CHECK(parts("") == 8);
+  CHECK(parts("longest_feed_mm = 0.125\n") == 16);
+  CHECK(parts("longest_feed_mm = 0.5\n") == 4);
+  // Half a segment is the limit.
+  CHECK(parts("longest_feed_mm = 2\n") == 4);
+}
+
 TEST_CASE("A target that is not a number is refused and the last one stands", "[simulator]") {
   const SceneFile file;
   torquer::scene::Scene scene(file.path());

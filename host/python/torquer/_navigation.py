@@ -51,12 +51,18 @@ class Task:
     """Tolerance to which a step is relaxed; a scene's default is 1e-6."""
     segment_mm: Optional[float] = None
     """Segment length of the wire; None: that of the scene. Longer ones are faster and coarser."""
+    longest_feed_mm: Optional[float] = None
+    """Longest feed before the wire is relaxed again; None: that of the scene."""
+    longest_tick_ms: Optional[float] = None
+    """Longest tick while the vessel moves or blood flows; None: that of the scene."""
     picture_px: Optional[int] = None
     """Width and height of pictures, 64 to 1024; None: those of the scene."""
 
     def for_training(self) -> Task:
         """Task with faster, less accurate steps: see the table in host/python/README.md."""
-        return dataclasses.replace(self, tolerance=1e-3, segment_mm=2.0, longest_mm=1.0)
+        return dataclasses.replace(
+            self, tolerance=1e-3, segment_mm=2.0, longest_mm=1.0, longest_feed_mm=1.0, longest_tick_ms=20.0
+        )
 
 
 def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
@@ -64,6 +70,10 @@ def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
     keys: Dict[str, Any] = {"tolerance": task.tolerance}
     if task.segment_mm is not None:
         keys["segment_mm"] = float(task.segment_mm)
+    if task.longest_feed_mm is not None:
+        keys["longest_feed_mm"] = float(task.longest_feed_mm)
+    if task.longest_tick_ms is not None:
+        keys["longest_tick_ms"] = float(task.longest_tick_ms)
     text = with_keys(scene.text, "relaxation", keys)
     if "wall_force" not in scene.effects:
         text = with_keys(text, "effects.wall_force", {"threshold_mN": 100.0})

@@ -199,6 +199,7 @@ void Scene::SetRelaxation() {
   if (spec.method == Method::kNewton) {
     newton_.tolerance = spec.tolerance.value_or(newton_.tolerance);
     newton_.tolerance_mm = spec.tolerance_mm;
+    newton_.max_feed_mm = spec.longest_feed_mm;
     wall_.points_per_segment = spec.contact_points_per_segment;
     budget_units_ = spec.budget_units.value_or(1000);
     return;

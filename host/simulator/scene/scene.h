@@ -58,6 +58,8 @@ class Scene {
   Method method() const { return spec_.relaxation.method; }
   double budget_us() const { return spec_.relaxation.budget_us; }  ///< of a live tick
   int budget_units() const { return budget_units_; }               ///< of a script's tick
+  /// Longest tick of a script, s, while the vessel moves or an effect evolves.
+  double longest_tick_s() const { return 1e-3 * spec_.relaxation.longest_tick_ms; }
   std::vector<std::string> effect_names() const;
   /// Effects in the order of construction, without those that only shape the wire.
   const std::vector<std::unique_ptr<effects::Effect>>& effects() const { return effects_; }

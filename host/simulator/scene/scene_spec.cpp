@@ -118,6 +118,11 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
           .Number("tolerance_mm", &Spec::tolerance_mm, 0, 10, "mm",
                   "estimated solver error (solver_error_mm) below which a tick may end, in "
                   "addition to tolerance; 0: not used")
+          .Number("longest_feed_mm", &Spec::longest_feed_mm, 0.01, 5, "mm",
+                  "longest feed before the instruments are relaxed again; half a segment at most")
+          .Number("longest_tick_ms", &Spec::longest_tick_ms, 0.1, 100, "ms",
+                  "longest tick of a script while the vessel moves or an effect evolves; with "
+                  "inertia at most 1")
           .Number("budget_us", &Spec::budget_us, 20, 1e6, "us",
                   "time budget of a tick in a live session")
           .Otherwise("1000; 100 with method = \"paper\"")
@@ -135,6 +140,11 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
                 table.Refuse(
                     "tolerance_mm",
                     "is not supported by the paper's method, which estimates no error; remove it");
+              }
+              if (table.Has("longest_feed_mm")) {
+                table.Refuse("longest_feed_mm",
+                             "is not supported by the paper's method, which feeds one segment at a "
+                             "time; remove it");
               }
             } else if (spec.paper) {
               table.Refuse("paper",

@@ -58,6 +58,8 @@ struct RelaxationSpec : TableSpec {
   int contact_points_per_segment = 2;
   std::optional<double> tolerance;
   double tolerance_mm = 0;
+  double longest_feed_mm = 0.25;
+  double longest_tick_ms = 5;
   double budget_us = 700;
   std::optional<int> budget_units;
   std::optional<PaperSpec> paper;
