@@ -270,11 +270,11 @@ TEST_CASE("Friction's memory is part of its hash, and Reset clears it") {
 TEST_CASE("A catheter that slides around the points takes their anchors along with its surface") {
   Slider slider(0.3, 0.01);
   slider.points.start = Vector3d(-1, 0, 0);  // the wire lies along x
-  slider.points.last_instrument = 2;
+  slider.points.instruments.last = 2;
   slider.TickAt(Vector3d::Zero());
   // The wire advances by 0.4 mm while the catheter around it rests: the wall sees no friction.
   const auto at = [&](double tip_mm, double catheter_mm) {
-    slider.points.behind_mm = {0, tip_mm - catheter_mm};
+    slider.points.instruments.behind_mm = {0, tip_mm - catheter_mm};
     slider.points.start = Vector3d(tip_mm - 1, 0, 0);
     return slider.Energy(Vector3d(tip_mm, 0, 0));
   };
@@ -296,8 +296,8 @@ TEST_CASE("A force between two places of a catheter is shared by the lever rule"
   points.touches = {1, 0, 0};
   points.clearance.resize(3, points.clearance[0]);
   points.stiffness_N_mm2.resize(3, points.stiffness_N_mm2[0]);
-  points.last_instrument = 2;
-  points.behind_mm = {0, 0.7};
+  points.instruments.last = 2;
+  points.instruments.behind_mm = {0, 0.7};
   slider.friction.Begin(points);
   slider.friction.End(points);
   slider.friction.Begin(points);
@@ -324,7 +324,7 @@ TEST_CASE("An instrument that is turned while it slides shares one cone between 
   Slider slider(kMu, 0.01);
   slider.points.start = Vector3d(-1, 0, 0);  // along x, on a wall that faces +z
   const bool in_catheter = GENERATE(false, true);
-  if (in_catheter) slider.points.last_instrument = 2;
+  if (in_catheter) slider.points.instruments.last = 2;
   const double slid_mm = GENERATE(0.05, 1.0);
   const double turned_rad = GENERATE(-0.7, 0.0, 0.2, 3.0);
   slider.TickAt(Vector3d::Zero());

@@ -45,8 +45,8 @@ struct Slid {
       PointSet& points_of = curves.at.curve(c).points;
       // Forces that press two instruments on one curve against each other.
       if (ratio > 0) {
-        points_of.pressed_N.assign(static_cast<std::size_t>(points_of.segments()),
-                                   {1e-3, 2e-3, 3e-3, 0});
+        points_of.between.pressed_N.assign(static_cast<std::size_t>(points_of.segments()),
+                                           {1e-3, 2e-3, 3e-3, 0});
       }
       friction.Begin(points_of);
       friction.MoveSurfaces(points_of, moves);
@@ -243,7 +243,7 @@ TEST_CASE(
   contact.lumen_mm = 0.5;
   contact.force_N = 1;
   contact.offset_mm = {0.3, 0};
-  points.lumen.assign(3, contact);
+  points.between.lumen.assign(3, contact);
   const auto energy_mJ = [&] {
     PointDerivatives out;
     return friction.Add(points, out);

@@ -27,10 +27,10 @@ TEST_CASE("A surface that comes to a point of another's has not rolled there") {
   };
   REQUIRE(energy_mJ() < 1e-12);
   // The outer one is withdrawn beyond all points; otherwise it would have turned the surface.
-  points.behind_mm[1] = 1e3;
+  points.instruments.behind_mm[1] = 1e3;
   CHECK(energy_mJ() < 1e-12);
-  points.behind_mm[1] = stack.at.points.behind_mm[1];
-  for (auto& turns : points.turns.angles_rad) turns[1] += 0.1;
+  points.instruments.behind_mm[1] = stack.at.points.instruments.behind_mm[1];
+  for (auto& turns : points.instruments.angles_rad) turns[1] += 0.1;
   CHECK(energy_mJ() > 1e-6);
 }
 
@@ -115,7 +115,8 @@ struct Held {
   effects::FrictionBetween friction{0.3, 0.01, Context()};
 
   Held() {
-    points.pressed_N.assign(static_cast<std::size_t>(points.segments()), {1e-3, 2e-3, 3e-3, 0});
+    points.between.pressed_N.assign(static_cast<std::size_t>(points.segments()),
+                                    {1e-3, 2e-3, 3e-3, 0});
   }
   effects::EffectContext Context() const {
     effects::EffectContext context{stack.model, stack.wall};
@@ -137,16 +138,16 @@ TEST_CASE("Instruments that come back out of the sheath hold each other as they 
   constexpr int kBack = 5;  // segments
   held.points.position.erase(held.points.position.begin(),
                              held.points.position.begin() + kBack * whole.per_segment);
-  held.points.turns.angles_rad.erase(held.points.turns.angles_rad.begin(),
-                                     held.points.turns.angles_rad.begin() + kBack);
+  held.points.instruments.angles_rad.erase(held.points.instruments.angles_rad.begin(),
+                                           held.points.instruments.angles_rad.begin() + kBack);
   held.friction.End(held.points);
   held.points = whole;
   for (int i = 0; i < kBack; ++i)
-    held.points.turns.angles_rad[static_cast<std::size_t>(i)][0] += 0.5;
+    held.points.instruments.angles_rad[static_cast<std::size_t>(i)][0] += 0.5;
   held.friction.Begin(held.points);
   CHECK(held.Energy() == 0);
   // Segments that stayed outside keep their anchors.
-  held.points.turns.angles_rad[kBack][0] += 0.5;
+  held.points.instruments.angles_rad[kBack][0] += 0.5;
   CHECK(held.Energy() > 1e-7);
 }
 
@@ -173,15 +174,16 @@ TEST_CASE("A torque between instruments has the derivatives of its energy") {
   const double slip_mm = GENERATE(0.01, 1.0);  // slipping, sticking
   effects::FrictionBetween friction(0.3, slip_mm, context);
   PointSet points = stack.at.points;
-  points.pressed_N.assign(static_cast<std::size_t>(points.segments()), {1e-3, 2e-3, 3e-3, 0});
+  points.between.pressed_N.assign(static_cast<std::size_t>(points.segments()),
+                                  {1e-3, 2e-3, 3e-3, 0});
   friction.Begin(points);
   std::array<SurfaceMove, kMostInstruments> moves = {};
   moves[1].along_mm = 0.004;
   friction.MoveSurfaces(points, moves);
   const auto energy_mJ = [&](std::size_t segment, double inner, double outer) {
     PointSet there = points;
-    there.turns.angles_rad[segment][0] += 0.1 + inner;
-    there.turns.angles_rad[segment][1] += 0.03 + outer;
+    there.instruments.angles_rad[segment][0] += 0.1 + inner;
+    there.instruments.angles_rad[segment][1] += 0.03 + outer;
     PointDerivatives out;
     out.with_hessian = true;
     const double energy = friction.Add(there, out);

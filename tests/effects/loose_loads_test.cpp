@@ -103,7 +103,7 @@ TEST_CASE("An instrument weighs as much as is of it, wherever its tip falls") {
   PointSet points = both.relaxation->Current().points;
   const double in_sheath_mm = points.first_spacing_mm / 2;
   for (double behind_mm = 0; behind_mm < 29; behind_mm += 0.0837) {
-    points.behind_mm[0] = behind_mm;
+    points.instruments.behind_mm[0] = behind_mm;
     double length_mm = 0;
     for (int q = 0; q < points.size(); ++q) {
       length_mm += points.CoverageOf(0, q) * points.weight_mm[static_cast<std::size_t>(q)];

@@ -173,8 +173,8 @@ TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's 
 TEST_CASE("Each instrument of a stack has its own friction, its own coating and its own end") {
   Row row;
   // The catheter ends 3 mm behind the wire's tip.
-  row.points.last_instrument = 2;
-  row.points.behind_mm = {0, 3};
+  row.points.instruments.last = 2;
+  row.points.instruments.behind_mm = {0, 3};
   effects::EffectContext context{row.model, row.wall};
   context.instruments = {
       {.name = "guidewire", .model = &row.model, .coating_mm = 2, .coating_coefficient = 0.05},

@@ -53,7 +53,7 @@ class BetweenSpring final : public EnergyTerm {
   explicit BetweenSpring(int segment) : segment_(segment) {}
   void Begin(const PointSet&) override {}
   double Add(const PointSet& points, PointDerivatives& out) const override {
-    const auto& turns = points.turns.angles_rad[static_cast<std::size_t>(segment_)];
+    const auto& turns = points.instruments.angles_rad[static_cast<std::size_t>(segment_)];
     const double stretch = turns[0] - turns[1] - 0.3;
     out.between.push_back({segment_, 0, 1, kStiffness * stretch, kStiffness});
     return kStiffness * stretch * stretch / 2;

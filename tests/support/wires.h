@@ -133,7 +133,7 @@ class EndForce final : public EnergyTerm {
   void ActOn(int curve) { curve_ = curve; }
   void Begin(const PointSet&) override {}
   double Add(const PointSet& points, PointDerivatives& out) const override {
-    if (curve_ < 0 ? !points.is_farthest : points.curve != curve_) return 0;
+    if (curve_ < 0 ? !points.among.is_farthest : points.among.curve != curve_) return 0;
     const int q = points.size() - 1;
     if (q < 0) return 0;
     out.Touch(q);

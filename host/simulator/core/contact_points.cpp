@@ -56,8 +56,8 @@ void ContactPoints::Reserve(PointSet& points) const {
   points.stiffness_N_mm2.reserve(last_.size());
   points.near.reserve(last_.size());
   const auto segments = static_cast<std::size_t>(model_.max_segments()) + 1;
-  if (model_.spins() > 0) points.turns.normals.reserve(segments);
-  if (model_.stack_twists()) points.turns.angles_rad.reserve(segments);
+  if (model_.spins() > 0) points.instruments.normals.reserve(segments);
+  if (model_.stack_twists()) points.instruments.angles_rad.reserve(segments);
 }
 
 void ContactPoints::SampleStiffness(const Curve& curve) {
@@ -81,24 +81,25 @@ void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
   const InstrumentStack::Range range = stack_ == nullptr
                                            ? InstrumentStack::Range{0, curve.poses().size()}
                                            : stack_->OnCurve(number_);
-  points.curve = number_;
-  points.first_instrument = range.first;
-  points.last_instrument = range.last;
+  points.among.curve = number_;
+  points.instruments.first = range.first;
+  points.instruments.last = range.last;
   points.start = curve.nodes().front();
   points.spacing_mm = model_.segment_mm() / points.per_segment;
   points.first_spacing_mm = curve.first_segment_mm() / points.per_segment;
   for (int k = range.first; k < range.last; ++k) {
-    points.behind_mm[static_cast<std::size_t>(k)] =
+    points.instruments.behind_mm[static_cast<std::size_t>(k)] =
         curve.insertion_mm() - curve.poses()[k].insertion_mm;
   }
-  if (model_.spins() > 0) points.turns.normals = curve.normals();
-  points.turns.angles_rad = curve.turns_rad();
-  points.in_lumen = 0;
+  if (model_.spins() > 0) points.instruments.normals = curve.normals();
+  points.instruments.angles_rad = curve.turns_rad();
+  points.among.in_lumen = 0;
   if (in_lumen_mm <= 0) return;
   const int count = points.size();
   const double inside_mm = in_lumen_mm + kRoundingMm;
   const auto arc_mm = [&](int q) { return curve.insertion_mm() - points.FromTipMm(q); };
-  while (points.in_lumen < count && arc_mm(points.in_lumen) <= inside_mm) ++points.in_lumen;
+  while (points.among.in_lumen < count && arc_mm(points.among.in_lumen) <= inside_mm)
+    ++points.among.in_lumen;
 }
 
 void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hessian,
@@ -132,7 +133,7 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
       points.position[q] = at;
       points.weight_mm[q] = k == per_segment ? (piece + beyond) / 2 : piece;
       points.radius_mm[q] = radius;
-      if (static_cast<int>(q) < points.in_lumen) {
+      if (static_cast<int>(q) < points.among.in_lumen) {
         points.touches[q] = 0;
         continue;
       }

@@ -7,7 +7,7 @@
 
 #include "host/simulator/core/clearance_field.h"
 #include "host/simulator/core/curve.h"
-#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/point_set.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_model.h"
 

@@ -49,7 +49,7 @@ void CurveMechanics::Reserve(bool terms, CurveQuadraticModel& out) const {
     out.derivatives.on_spins.reserve(terms ? kMostMoments + points : 0);
     if (model_.stack_twists() && terms) {
       out.derivatives.between.reserve(n * spins);
-      out.points.pressed_N.reserve(n);
+      out.points.between.pressed_N.reserve(n);
     }
   } else if (model_.most_curved_joints() > 1) {
     out.turns.reserve(n);

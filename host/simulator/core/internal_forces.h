@@ -4,7 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/point_derivatives.h"
+#include "host/simulator/core/point_set.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"

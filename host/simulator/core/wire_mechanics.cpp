@@ -35,12 +35,12 @@ QuadraticModel WireMechanics::MakeQuadraticModel() const {
     if (c > 0) mechanics.Reserve(terms, curve);
     const auto segments = static_cast<std::size_t>(mechanics.model().max_segments()) + 1;
     curve.touch_gradient.reserve(segments);
-    curve.points.lumen_per_segment = pieces;
-    curve.points.inside_mm.reserve(mechanics.points().capacity());
+    curve.points.between.per_segment = pieces;
+    curve.points.among.inside_mm.reserve(mechanics.points().capacity());
     if (!SlidesInLumen()) continue;
     const std::size_t places = segments * static_cast<std::size_t>(pieces);
-    curve.points.lumen.reserve(places);
-    curve.points.beside.reserve(places);
+    curve.points.between.lumen.reserve(places);
+    curve.points.between.beside.reserve(places);
     curve.derivatives.in_lumen.reserve(places);
     curve.derivatives.beside.reserve(places);
   }
@@ -82,8 +82,8 @@ BetweenCurves::Geometry WireMechanics::GeometryOf(int curve, const WireState& st
 void WireMechanics::BuildBetween(const WireState& state, QuadraticModel& out) const {
   const bool slides = SlidesInLumen();
   for (int c = 0; c < curves(); ++c) {
-    out.curve(c).points.lumen.clear();
-    out.curve(c).points.beside.clear();
+    out.curve(c).points.between.lumen.clear();
+    out.curve(c).points.between.beside.clear();
   }
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     const LumenPairs& pairs = pairs_->of_curves()[k];
@@ -91,8 +91,8 @@ void WireMechanics::BuildBetween(const WireState& state, QuadraticModel& out) co
     out.between[k].Place(pairs, stack_->clearance().stiffness_N_mm2,
                          GeometryOf(pairs.inner, state, out), GeometryOf(pairs.outer, state, out),
                          !slides        ? nullptr
-                         : pairs.beside ? &points.beside
-                                        : &points.lumen);
+                         : pairs.beside ? &points.between.beside
+                                        : &points.between.lumen);
     out.energy_mJ += out.between[k].energy_mJ;
   }
 }
@@ -106,7 +106,7 @@ void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) c
     CurveQuadraticModel& outer = out.curve(pairs.outer);
     between.TakeSlides(pairs, GeometryOf(pairs.inner, state, out),
                        GeometryOf(pairs.outer, state, out),
-                       pairs.beside ? inner.points.beside : inner.points.lumen,
+                       pairs.beside ? inner.points.between.beside : inner.points.between.lumen,
                        pairs.beside ? inner.derivatives.beside : inner.derivatives.in_lumen);
     if (!model().stack_twists()) continue;
     for (const BetweenCurves::Slide& slide : between.slides) {
@@ -127,9 +127,9 @@ void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) co
   const int farthest = state.FarthestCurve();
   for (int c = 0; c < curves(); ++c) {
     PointSet& points = out.curve(c).points;
-    points.is_farthest = c == farthest;
-    points.beside_farthest = stack_->AreBeside(std::min(c, farthest), std::max(c, farthest));
-    points.behind_farthest_mm =
+    points.among.is_farthest = c == farthest;
+    points.among.beside_farthest = stack_->AreBeside(std::min(c, farthest), std::max(c, farthest));
+    points.among.behind_farthest_mm =
         state.curve(farthest).insertion_mm() - state.curve(c).insertion_mm();
     if (c > 0) FindInside(state, c, points);
   }
@@ -137,7 +137,7 @@ void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) co
 
 // Radius of the curves within a curve; that of a section of the same area if there are two.
 void WireMechanics::FindInside(const WireState& state, int curve, PointSet& points) const {
-  points.inside_mm.assign(points.position.size(), 0);
+  points.among.inside_mm.assign(points.position.size(), 0);
   for (int inner = 0; inner < curve; ++inner) {
     if (stack_->CurveAround(inner) != curve) continue;
     const Curve& inside = state.curve(inner);
@@ -146,7 +146,7 @@ void WireMechanics::FindInside(const WireState& state, int curve, PointSet& poin
           state.curve(curve).insertion_mm() - points.FromTipMm(q) - inside.insertion_mm();
       if (beyond_mm > 0) continue;
       const auto from_tip = static_cast<int>(-beyond_mm / model(inner).segment_mm());
-      double& inside_mm = points.inside_mm[static_cast<std::size_t>(q)];
+      double& inside_mm = points.among.inside_mm[static_cast<std::size_t>(q)];
       inside_mm = std::hypot(inside_mm, model(inner).radius_mm(from_tip));
     }
   }

@@ -193,7 +193,7 @@ void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
   });
   if (between == terms_.end()) return;
   QuadraticModel& at = memory_.current;
-  for (int c = 0; c < state.curves(); ++c) at.curve(c).points.pressed_N.clear();
+  for (int c = 0; c < state.curves(); ++c) at.curve(c).points.between.pressed_N.clear();
   if (at.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
   balance_.FindPressed(stack(), state, *(*between)->SlidingBetween(), at);
 }

@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/point_derivatives.h"
+#include "host/simulator/core/point_set.h"
 #include "host/simulator/core/stack/lumen_pairs.h"
 #include "host/simulator/core/wire_state.h"
 

@@ -265,7 +265,8 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
   hands_ = {};
   for (int c = 0; c < stack.curves(); ++c) {
     const auto n = static_cast<std::size_t>(state.curve(c).segments());
-    std::vector<std::array<double, kMostInstruments>>& out = quadratic.curve(c).points.pressed_N;
+    std::vector<std::array<double, kMostInstruments>>& out =
+        quadratic.curve(c).points.between.pressed_N;
     out.assign(n, {});
     const OnCurve on = CurveOf(stack, state, quadratic, c, loads_);
     if (n == 0 || on.range.last - on.range.first < 2) continue;

@@ -274,7 +274,7 @@ void Flow::AddObstruction(const Curve& curve, const PointSet& points,
   const vessel::CenterlineNetwork& network = graph_->network();
   const int n = curve.segments();
   const int stride = std::max(1, static_cast<int>(kObstructionStepMm / wire.segment_mm()));
-  for (int i = points.in_lumen / points.per_segment; i < n; i += stride) {
+  for (int i = points.among.in_lumen / points.per_segment; i < n; i += stride) {
     const int last = std::min(n, i + stride);
     double length_mm = 0;
     for (int k = i; k < last; ++k) length_mm += curve.SegmentLength(wire, k);

@@ -70,7 +70,7 @@ void Friction::Place(const Vector3d& at, Anchor& anchor) const {
 PointSet::Place Friction::PlaceOf(const PointSet& points, std::size_t spot) const {
   const std::size_t instrument = spot / stride_;
   return points.PlaceAt(static_cast<double>(spot - instrument * stride_) * points.spacing_mm +
-                        points.behind_mm[instrument]);
+                        points.instruments.behind_mm[instrument]);
 }
 
 // Shares the contact force of each point between the spots on either side of it, by the lever rule.
@@ -86,7 +86,7 @@ void Friction::FindPresses(const PointSet& points) {
     const auto p = static_cast<std::size_t>(q);
     if (!points.touches[p]) continue;
     const auto instrument = static_cast<std::size_t>(points.SurfaceAt(q));
-    const double behind_mm = points.behind_mm[instrument];
+    const double behind_mm = points.instruments.behind_mm[instrument];
     const double at = std::max(0.0, (points.FromTipMm(q) - behind_mm) / spacing_mm);
     const auto first = static_cast<std::size_t>(at + kRounding);
     double fraction = std::max(0.0, at - static_cast<double>(first));
@@ -191,7 +191,7 @@ void DistributeLoad(const PointSet& points, const PointSet::Place& place, const 
 }  // namespace
 
 double Friction::Add(const PointSet& points, PointDerivatives& out) const {
-  const Spots& on = on_curves_[static_cast<std::size_t>(points.curve)];
+  const Spots& on = on_curves_[static_cast<std::size_t>(points.among.curve)];
   double energy = 0;
   for (const std::size_t spot : on.acting) {
     const Anchor& anchor = anchors_[spot];

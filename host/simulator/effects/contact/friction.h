@@ -99,7 +99,7 @@ class Friction final : public Effect, public EnergyTerm {
   // Spots are numbered from the tip of the innermost instrument, then from that of the next one.
   int InstrumentOf(std::size_t spot) const { return static_cast<int>(spot / stride_); }
   Spots& SpotsOn(const PointSet& points) {
-    return on_curves_[static_cast<std::size_t>(points.curve)];
+    return on_curves_[static_cast<std::size_t>(points.among.curve)];
   }
   PointSet::Place PlaceOf(const PointSet& points, std::size_t spot) const;
   void FindPresses(const PointSet& points);

@@ -12,7 +12,7 @@ namespace {
 
 // Turn of an instrument in another one, at a segment.
 double TurnIn(const PointSet& points, int segment, int inner, int outer) {
-  const PerInstrument& turns = points.turns.angles_rad[static_cast<std::size_t>(segment)];
+  const PerInstrument& turns = points.instruments.angles_rad[static_cast<std::size_t>(segment)];
   return turns[static_cast<std::size_t>(inner)] - turns[static_cast<std::size_t>(outer)];
 }
 
@@ -50,14 +50,14 @@ void FrictionBetween::Begin(const PointSet& points) {
   OnCurve& on = AnchorsOn(points);
   if (on.anchors.empty()) return;
   const int segments = points.segments();
-  const bool known = !points.pressed_N.empty();  // otherwise the last values remain
+  const bool known = !points.between.pressed_N.empty();  // otherwise the last values remain
   for (int i = 0; i < segments; ++i) {
     const int last = (i + 1) * points.per_segment - 1;
     const double from_tip_mm = points.FromTipMm(last);
     Anchors& anchors = on.At(points, i);
     int inner = -1;
-    for (int k = points.first_instrument; k < points.last_instrument; ++k) {
-      const double behind_mm = points.behind_mm[static_cast<std::size_t>(k)];
+    for (int k = points.instruments.first; k < points.instruments.last; ++k) {
+      const double behind_mm = points.instruments.behind_mm[static_cast<std::size_t>(k)];
       Anchor& own = anchors[static_cast<std::size_t>(k)];
       if (from_tip_mm < behind_mm) {
         own = Anchor();
@@ -73,11 +73,12 @@ void FrictionBetween::Begin(const PointSet& points) {
         if (known) {
           anchor.limit_N =
               sliding_.coefficient *
-              points.pressed_N[static_cast<std::size_t>(i)][static_cast<std::size_t>(inner)];
+              points.between
+                  .pressed_N[static_cast<std::size_t>(i)][static_cast<std::size_t>(inner)];
         }
         anchor.radius_mm =
             SectionAt(stack_.instrument(inner).sections(),
-                      from_tip_mm - points.behind_mm[static_cast<std::size_t>(inner)])
+                      from_tip_mm - points.instruments.behind_mm[static_cast<std::size_t>(inner)])
                 .radius_mm;
       }
       inner = k;
@@ -90,11 +91,11 @@ void FrictionBetween::Begin(const PointSet& points) {
 
 double FrictionBetween::Add(const PointSet& points, PointDerivatives& out) const {
   double energy_mJ = in_lumen_ ? in_lumen_->Add(points, out) : 0;
-  const OnCurve& on = on_curves_[static_cast<std::size_t>(points.curve)];
+  const OnCurve& on = on_curves_[static_cast<std::size_t>(points.among.curve)];
   if (on.anchors.empty()) return energy_mJ;
   for (int i = 0; i < std::min(points.segments(), on.anchored); ++i) {
     const Anchors& anchors = on.At(points, i);
-    for (int k = points.first_instrument; k < points.last_instrument; ++k) {
+    for (int k = points.instruments.first; k < points.instruments.last; ++k) {
       const Anchor& anchor = anchors[static_cast<std::size_t>(k)];
       if (anchor.outer < 0 || anchor.limit_N == 0) continue;
       const double r = anchor.radius_mm;
@@ -119,8 +120,8 @@ void FrictionBetween::MoveSurfaces(const PointSet& points,
   const auto slid_mm = [&moves](std::size_t inner, std::size_t outer) {
     return moves[inner].along_mm - moves[outer].along_mm;
   };
-  const auto first = static_cast<std::size_t>(points.first_instrument);
-  const auto count = static_cast<std::size_t>(points.last_instrument);
+  const auto first = static_cast<std::size_t>(points.instruments.first);
+  const auto count = static_cast<std::size_t>(points.instruments.last);
   for (std::size_t k = first; k < count; ++k) {
     for (std::size_t m = k + 1; m < count; ++m) {
       if (std::abs(slid_mm(k, m)) > kStillMm) sliding_.direction[k][m] = slid_mm(k, m) > 0 ? 1 : -1;
@@ -146,7 +147,7 @@ void FrictionBetween::End(const PointSet& points) {
   if (on.anchors.empty()) return;
   for (int i = 0; i < std::min(points.segments(), on.anchored); ++i) {
     Anchors& anchors = on.At(points, i);
-    for (int k = points.first_instrument; k < points.last_instrument; ++k) {
+    for (int k = points.instruments.first; k < points.instruments.last; ++k) {
       Anchor& anchor = anchors[static_cast<std::size_t>(k)];
       if (anchor.outer < 0) continue;
       const double turn_rad = TurnIn(points, i, k, anchor.outer);

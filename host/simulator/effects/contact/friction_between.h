@@ -65,7 +65,7 @@ class FrictionBetween final : public Effect, public EnergyTerm {
     }
   };
   OnCurve& AnchorsOn(const PointSet& points) {
-    return on_curves_[static_cast<std::size_t>(points.curve)];
+    return on_curves_[static_cast<std::size_t>(points.among.curve)];
   }
 
   const double slip_mm_;

@@ -31,9 +31,9 @@ LumenFriction::LumenFriction(double coefficient, double slip_mm, const EffectCon
 
 std::array<LumenFriction::Side, LumenFriction::kSides> LumenFriction::SidesOf(
     const PointSet& points) {
-  auto& held = held_[static_cast<std::size_t>(points.curve)];
-  const auto pieces = static_cast<std::size_t>(points.segments() * points.lumen_per_segment);
-  return {{{points.lumen, held[0], pieces}, {points.beside, held[1], pieces}}};
+  auto& held = held_[static_cast<std::size_t>(points.among.curve)];
+  const auto pieces = static_cast<std::size_t>(points.segments() * points.between.per_segment);
+  return {{{points.between.lumen, held[0], pieces}, {points.between.beside, held[1], pieces}}};
 }
 
 // True if the surfaces are still those of the part's start.
@@ -91,11 +91,12 @@ double LumenFriction::AddPlace(const Held& held, const LumenContact& contact,
 }
 
 double LumenFriction::Add(const PointSet& points, PointDerivatives& out) const {
-  const auto pieces = static_cast<std::size_t>(points.segments() * points.lumen_per_segment);
-  const auto& held_by_side = held_[static_cast<std::size_t>(points.curve)];
+  const auto pieces = static_cast<std::size_t>(points.segments() * points.between.per_segment);
+  const auto& held_by_side = held_[static_cast<std::size_t>(points.among.curve)];
   double energy_mJ = 0;
   for (std::size_t side = 0; side < kSides; ++side) {
-    const std::vector<LumenContact>& contacts = side == 0 ? points.lumen : points.beside;
+    const std::vector<LumenContact>& contacts =
+        side == 0 ? points.between.lumen : points.between.beside;
     std::vector<SlideLoad>& loads = side == 0 ? out.in_lumen : out.beside;
     for (std::size_t place = 0; place < contacts.size(); ++place) {
       const Held& held = held_by_side[side][pieces - 1 - place];

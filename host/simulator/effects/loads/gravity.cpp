@@ -4,8 +4,8 @@ namespace torquer::effects {
 
 double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
   double energy = 0;
-  const bool several = points.last_instrument - points.first_instrument > 1;
-  for (int k = points.first_instrument; k < points.last_instrument; ++k) {
+  const bool several = points.instruments.last - points.instruments.first > 1;
+  for (int k = points.instruments.first; k < points.instruments.last; ++k) {
     const Eigen::Vector3d& weight_N_mm = weights_N_mm_[static_cast<std::size_t>(k)];
     for (int q = 0; q < points.size(); ++q) {
       const double coverage = several ? points.CoverageOf(k, q) : 1;

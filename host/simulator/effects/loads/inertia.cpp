@@ -44,14 +44,15 @@ Inertia::Inertia(Settings settings, const EffectContext& context) : settings_(st
 // displacement. An instrument in a lumen with room has the fluid mass that it would have alone.
 double Inertia::DensityAt(const PointSet& points, int q) const {
   double density_g_m = 0;
-  const bool several = points.last_instrument - points.first_instrument > 1;
-  for (int k = points.first_instrument; k < points.last_instrument; ++k) {
+  const bool several = points.instruments.last - points.instruments.first > 1;
+  for (int k = points.instruments.first; k < points.instruments.last; ++k) {
     const double coverage = several ? points.CoverageOf(k, q) : 1;
     density_g_m += coverage * settings_.linear_density_g_m[static_cast<std::size_t>(k)];
   }
   const auto p = static_cast<std::size_t>(q);
   double squared_mm2 = points.radius_mm[p] * points.radius_mm[p];
-  if (!points.inside_mm.empty()) squared_mm2 -= points.inside_mm[p] * points.inside_mm[p];
+  if (!points.among.inside_mm.empty())
+    squared_mm2 -= points.among.inside_mm[p] * points.among.inside_mm[p];
   return density_g_m + 2e-3 * settings_.fluid_kg_m3 * std::numbers::pi * squared_mm2;
 }
 
@@ -93,7 +94,7 @@ void Inertia::Remember(const PointSet& points, Curve& curve) {
 
 void Inertia::Begin(const PointSet& points) {
   part_s_ = left_s_;
-  Curve& curve = curves_[static_cast<std::size_t>(points.curve)];
+  Curve& curve = curves_[static_cast<std::size_t>(points.among.curve)];
   if (curve.begun) return;
   curve.begun = true;
   for (int q = points.per_segment - 1; q < points.size(); ++q) {
@@ -112,7 +113,7 @@ double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
     const double length_mm = points.weight_mm[p];
     const double mass = kNewton * DensityAt(points, q) * length_mm / (part_s_ * part_s_);
     // An instrument in a lumen has no drag, because no blood surrounds it.
-    const double drag_mPa_s = q < points.in_lumen ? 0 : settings_.drag_mPa_s;
+    const double drag_mPa_s = q < points.among.in_lumen ? 0 : settings_.drag_mPa_s;
     const double drag = kNewton * drag_mPa_s * length_mm / part_s_;
     const Vector3d moved = points.position[p] - before.at;
     const Vector3d ahead = moved - part_s_ * before.velocity_mm_s;
@@ -126,8 +127,8 @@ double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
 
 void Inertia::End(const PointSet& points) {
   const double per_s = part_s_ > 0 ? 1 / part_s_ : 0;
-  if (points.curve == 0) kinetic_mJ_ = 0;
-  Curve& curve = curves_[static_cast<std::size_t>(points.curve)];
+  if (points.among.curve == 0) kinetic_mJ_ = 0;
+  Curve& curve = curves_[static_cast<std::size_t>(points.among.curve)];
   for (int q = 0; q < points.size(); ++q) {
     const auto p = static_cast<std::size_t>(q);
     const Vector3d& at = points.position[p];
@@ -141,7 +142,7 @@ void Inertia::End(const PointSet& points) {
   std::swap(curve.material, next_);
   Remember(points, curve);
   curve.fed_mm_s = per_s * (curve.inserted_mm - before_mm);
-  if (static_cast<std::size_t>(points.curve) + 1 < curves_.size()) return;
+  if (static_cast<std::size_t>(points.among.curve) + 1 < curves_.size()) return;
   left_s_ -= part_s_;
   part_s_ = 0;
 }

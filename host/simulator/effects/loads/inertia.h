@@ -68,7 +68,7 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   };
 
   const Curve& CurveOf(const PointSet& points) const {
-    return curves_[static_cast<std::size_t>(points.curve)];
+    return curves_[static_cast<std::size_t>(points.among.curve)];
   }
   Material Before(const PointSet& points, int q) const;
   double DensityAt(const PointSet& points, int q) const;

@@ -34,7 +34,7 @@ void PointLoad::CopyFrom(const Effect& twin) {
 }
 
 void PointLoad::Begin(const PointSet& points) {
-  if (load_.moment_mJ == 0 || points.size() == 0 || !points.is_farthest) return;
+  if (load_.moment_mJ == 0 || points.size() == 0 || !points.among.is_farthest) return;
   const double angle = AngleAbout(load_.axis, points.Tangent(points.size() - 1));
   angle_rad_ += std::remainder(angle - angle_rad_, 2 * std::numbers::pi);
 }
@@ -60,7 +60,7 @@ double PointLoad::Turn(const Vector3d& tangent, TangentLoad& out) const {
 
 double PointLoad::Add(const PointSet& points, PointDerivatives& out) const {
   const int q = points.size() - 1;
-  if (q < 0 || !points.is_farthest) return 0;
+  if (q < 0 || !points.among.is_farthest) return 0;
   const auto p = static_cast<std::size_t>(q);
   double energy = 0;
   if (!load_.force_N.isZero(0) || load_.hold_N_mm != 0) {

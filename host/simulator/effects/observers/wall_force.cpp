@@ -50,14 +50,14 @@ void WallForce::AddContact(const PointSet& points, int q, Contacts& contacts) {
       1e3 * points.stiffness_N_mm2[p] * length_mm * depth_mm * sample.gradient.norm();
   const double beyond_mm =
       q + 1 < points.size() ? points.FromTipMm(q) - points.FromTipMm(q + 1) : 0;
-  const double begin_mm = points.behind_farthest_mm + points.FromTipMm(q) - beyond_mm / 2;
+  const double begin_mm = points.among.behind_farthest_mm + points.FromTipMm(q) - beyond_mm / 2;
   contacts.force_mN.Add(begin_mm, begin_mm + length_mm, force_mN);
   sum_mN_ += force_mN;
   contacts.depth_mm2.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
   contacts.radius_mm_mN.Add(begin_mm, begin_mm + length_mm, points.radius_mm[p] * force_mN);
   // The clearance decreases towards the wall, so the wire is pushed along its gradient.
   const double along = -sample.gradient.normalized().dot(points.Tangent(q));
-  if (!points.beside_farthest && begin_mm < settings_.patch_mm) {
+  if (!points.among.beside_farthest && begin_mm < settings_.patch_mm) {
     axial_mN_ += std::max(0.0, along) * force_mN;
   }
 }
@@ -89,7 +89,7 @@ void WallForce::FindForces(const TickView& tick) {
     const PointSet& of_curve = tick.quadratic.curve(c).points;
     for (const int q : of_curve.near) {
       if (!of_curve.touches[static_cast<std::size_t>(q)]) continue;
-      AddContact(of_curve, q, of_curve.beside_farthest ? beside_contacts_ : contacts_);
+      AddContact(of_curve, q, of_curve.among.beside_farthest ? beside_contacts_ : contacts_);
     }
   }
   const SpreadAlong::Stretch patch = contacts_.force_mN.LargestOn(settings_.patch_mm);

@@ -1,0 +1,101 @@
+// Derivatives of an energy with respect to the points, tangents, spins and slides of a curve.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace torquer {
+
+/// Load on a segment's tangent: derivatives with respect to the unit tangent, treated as a free
+/// vector. This is a moment.
+struct TangentLoad {
+  int segment;
+  Eigen::Vector3d gradient;  ///< mJ
+  Eigen::Matrix3d hessian;   ///< mJ, symmetric; valid only if PositionDerivatives::with_hessian
+};
+
+/// Derivatives with respect to a spin: a turn of the wire about its tangent at a point. Only for a
+/// wire that twists.
+struct SpinLoad {
+  int point;
+  double gradient;                ///< mJ: minus the torque on the wire
+  double hessian;                 ///< mJ
+  Eigen::Vector3d with_position;  ///< N, d2 / (d spin, d position of the load)
+  double before_mm = 0;           ///< distance of the load before the point, on its segment
+  int instrument = 0;             ///< index in a stack of the instrument that it turns
+};
+
+/// Torque between two instruments at a segment: derivatives with respect to their relative turn.
+/// Only for a stack that twists.
+struct BetweenLoad {
+  int segment;
+  int inner;
+  int outer;
+  double gradient;  ///< mJ: minus the torque on the inner one, and the torque on the outer one
+  double hessian;   ///< mJ
+};
+
+/// Derivatives with respect to the relative sliding of the two surfaces at a place of
+/// PointSet::Between::lumen or PointSet::Between::beside. The sliding along the lumen is ahead_mm;
+/// around it, around.offset_mm + lever_mm turn_rad.
+struct SlideLoad {
+  int place;
+  Eigen::Vector2d around;    ///< unit, in the normals of the lumen
+  Eigen::Vector2d gradient;  ///< N: along, around
+  Eigen::Matrix2d hessian;   ///< N/mm, symmetric
+};
+
+/// Output of the energy terms on a curve: derivatives with respect to positions of points, to
+/// tangents of segments that bear a moment, to spins, and to slides in a lumen.
+struct PointDerivatives {
+  bool with_hessian = false;
+  /// Stored derivatives of a point.
+  enum Use : std::uint8_t { kNothing, kGradient, kBoth };
+  std::vector<std::uint8_t> used;
+  std::vector<Eigen::Vector3d> gradient;  ///< N
+  std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
+
+  /// Resizes to `size` positions, marks all as unused, and removes all loads.
+  void Clear(std::size_t size) {
+    used.assign(size, kNothing);
+    gradient.resize(size);
+    hessian.resize(size);
+    on_tangents.clear();
+    on_spins.clear();
+    between.clear();
+    in_lumen.clear();
+    beside.clear();
+  }
+  /// Allocates room for `size` positions.
+  void Reserve(std::size_t size) {
+    used.reserve(size);
+    gradient.reserve(size);
+    hessian.reserve(size);
+  }
+
+  /// Marks point q as used, initialized to zero. Call it before adding to the point.
+  void Touch(int q) {
+    const auto k = static_cast<std::size_t>(q);
+    if (used[k] == kBoth) return;
+    if (used[k] == kNothing) gradient[k].setZero();
+    if (with_hessian) hessian[k].setZero();
+    used[k] = kBoth;
+  }
+  /// Like Touch, for a load without Hessian: a constant force.
+  void TouchGradient(int q) {
+    const auto k = static_cast<std::size_t>(q);
+    if (used[k] != kNothing) return;
+    gradient[k].setZero();
+    used[k] = kGradient;
+  }
+
+  std::vector<TangentLoad> on_tangents;  ///< in any order; they add up
+  std::vector<SpinLoad> on_spins;        ///< as above; room for one per point
+  std::vector<BetweenLoad> between;      ///< as above; room for one per segment and instrument
+  std::vector<SlideLoad> in_lumen;       ///< ascending by place; room for one per place
+  std::vector<SlideLoad> beside;         ///< as above
+};
+
+}  // namespace torquer
