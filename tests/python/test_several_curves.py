@@ -1,9 +1,14 @@
 """Figures of scenes whose instruments lie on several curves."""
 
+import csv
+import json
+
 import numpy as np
 import pytest
 import torquer
 import torquer.envs
+import torquer.export
+from test_export import read_vtp
 
 FORK = """name = "fork"
 [vessel]
@@ -110,3 +115,34 @@ inserted_at_start_mm = 20
     of_wire, of_catheter = (simulation.instrument_contacts(k) for k in range(2))
     assert simulation.contacts() == of_wire and of_wire
     assert of_catheter == {node: depth for node, depth in of_wire.items() if node < count}
+
+
+def test_every_instrument_is_exported_with_the_forces_that_are_known(tmp_path):
+    scene = torquer.Scene.from_text(FORK + BUDDY + "[effects.internal_forces]\n")
+    simulation = torquer.Simulation(scene)
+    simulation.step(0.1, simulation.hands)
+    state = torquer.export.State.of(simulation)
+    wire, buddy = (simulation.instrument_nodes_mm(k) for k in range(2))
+    tension = simulation.forces()["tension_mN"]
+    torquer.export.write([state], tmp_path / "both.vtp")
+    arrays = read_vtp(tmp_path / "both.vtp")
+    assert np.array_equal(np.reshape(arrays["Points"], (-1, 3)), np.concatenate([state.nodes_mm, wire]))
+    assert arrays["offsets"] == [len(buddy), len(buddy) + len(wire)]
+    assert np.array_equal(arrays["tension_mN"], [*tension, *[np.nan] * len(wire)], equal_nan=True)
+    torquer.export.write([state], tmp_path / "both.csv")
+    rows = list(csv.DictReader((tmp_path / "both.csv").open()))
+    assert [row["instrument"] for row in rows] == ["buddy"] * len(buddy) + ["guidewire"] * len(wire)
+    assert [int(row["node"]) for row in rows] == [*range(len(buddy)), *range(len(wire))]
+    # A file of --states has the same nodes.
+    fields = {"time_s": 0.1, "nodes_mm": state.nodes_mm.tolist(), "tension_mN": tension.tolist()}
+    fields.update({"buddy.nodes_mm": buddy.tolist(), "guidewire.nodes_mm": wire.tolist()})
+    (tmp_path / "states.jsonl").write_text(json.dumps(fields) + "\n")
+    (read,) = torquer.export.read_states(tmp_path / "states.jsonl")
+    torquer.export.write([read], tmp_path / "read.csv")
+    names = [row["instrument"] for row in csv.DictReader((tmp_path / "read.csv").open())]
+    assert names == [row["instrument"] for row in rows]
+    try:
+        mesh = torquer.export.to_meshio(state)
+    except torquer.Error:
+        return  # without python3-meshio
+    assert len(mesh.points) == len(rows) and len(mesh.cells_dict["line"]) == len(rows) - 2
