@@ -1,12 +1,14 @@
 // Observers of scenes whose instruments lie on several curves.
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <cmath>
+#include <cstddef>
 #include <string>
 
-#include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/observers/assessment.h"
+#include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 #include "tests/effects/vascular_scene.h"
+#include "tests/support/paths.h"
 
 namespace torquer::test {
 namespace {
@@ -91,6 +93,18 @@ TEST_CASE("The forces at the tip are those of the tip that presses most, beside 
   // Beyond the tip of the other wire the same figures are those of the farthest tip.
   Move(session, 1, 50);
   CHECK(Reading(session, "wall_force_tip_mN") == Approx(pressed_mN).epsilon(0.1));
+}
+
+TEST_CASE("The instrument that the case everything asks for is the one that is assessed") {
+  scene::Scene scene(SourcePath("/host/scenes/everything.toml"));
+  for (const auto& effect : scene.effects()) {
+    const auto* assessment = dynamic_cast<const effects::Assessment*>(effect.get());
+    if (assessment == nullptr) continue;
+    const auto assessed = static_cast<std::size_t>(assessment->task().instrument);
+    CHECK(scene.instruments()[assessed].name == "microcatheter");
+    return;
+  }
+  FAIL("no assessment");
 }
 
 }  // namespace
