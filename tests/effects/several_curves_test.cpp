@@ -26,6 +26,16 @@ at_mm = 1
 offset_mm = [1, 0]
 )";
 
+// A catheter around the first wire, 30 mm farther in.
+const std::string kLongCatheter = R"([[instrument]]
+name = "catheter"
+max_length_mm = 150
+radius_mm = 0.9
+inner_radius_mm = 0.6
+rigidity_N_mm2 = 1
+inserted_at_start_mm = 90
+)";
+
 const std::string kAssessment = R"([effects.wall_force]
 threshold_mN = 100
 [effects.assessment]
@@ -48,7 +58,9 @@ void Move(simulator::Simulation& session, int instrument, double to_mm) {
 }
 
 TEST_CASE("The path of the tip is that of the assessed instrument, whichever reaches farthest") {
-  SceneOf scene(kFork + kBuddy + kAssessment);
+  const std::string other =
+      GENERATE(as<std::string>(), kBuddy, kLongCatheter, kLongCatheter + "[effects.clearance]\n");
+  SceneOf scene(kFork + other + kAssessment);
   simulator::Simulation session(*scene);
   Move(session, 0, 95);
   CHECK(Reading(session, "tip_path_mm") == Approx(35).margin(1));

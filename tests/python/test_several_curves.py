@@ -50,15 +50,28 @@ offset_mm = [1, 0]
 """
 
 
+# Lies around the first wire, and reaches farther.
+CATHETER = """[[instrument]]
+name = "catheter"
+max_length_mm = 150
+radius_mm = 0.9
+inner_radius_mm = 0.6
+rigidity_N_mm2 = 1
+inserted_at_start_mm = 75.3
+"""
+
+
 @pytest.fixture(scope="module")
 def beside():
     return torquer.Scene.from_text(FORK + BUDDY)
 
 
-def test_a_vector_has_points_of_the_instrument_that_the_task_moves(beside):
+@pytest.mark.parametrize("other", [BUDDY, CATHETER, CATHETER + "[effects.clearance]\n"])
+def test_a_vector_has_points_of_the_instrument_that_the_task_moves(other):
+    scene = torquer.Scene.from_text(FORK + other)
     for instrument in (0, 1):
         task = torquer.envs.Task("left", 60.0, instrument=instrument, segment_mm=0.5)
-        env = torquer.envs.NavigationEnv(beside, task)
+        env = torquer.envs.NavigationEnv(scene, task)
         observation, info = env.reset(options={"rotation_rad": 0.0})
         tip = env.simulation.tips_mm[instrument]
         points = observation[: 3 * 4].reshape(4, 3)
