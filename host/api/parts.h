@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 #include <atomic>
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
@@ -54,6 +55,9 @@ struct Simulation::Parts {
   std::vector<bool> pictures_due;  ///< a picture was taken that `pictures` does not have
   mutable Usage<Error> usage;
 };
+
+/// Throws Error if the scene has no instrument of that number.
+void CheckInstrument(std::size_t instrument, const Scene& scene);
 
 /// Calls `call`, and converts its UserError to Error.
 template <class Call>

@@ -1,8 +1,11 @@
+#include <fmt/format.h>
+
 #include <cmath>
 #include <filesystem>
 #include <utility>
 
 #include "host/api/parts.h"
+#include "host/simulator/core/wire_model.h"
 #include "host/support/error.h"
 #include "host/support/within.h"
 #include "torquer_version.h"
@@ -101,11 +104,19 @@ std::vector<Point> Scene::CenterlineMm(const std::string& name, double step_mm) 
   });
 }
 
-std::vector<Point> Scene::RouteMm(const std::string& centerline, double at_mm,
-                                  double step_mm) const {
+void CheckInstrument(std::size_t instrument, const Scene& scene) {
+  if (instrument < scene.instruments().size()) return;
+  throw Error(fmt::format("there is no instrument {}; the scene has {}, numbered from 0",
+                          instrument, scene.instruments().size()));
+}
+
+std::vector<Point> Scene::RouteMm(const std::string& centerline, double at_mm, double step_mm,
+                                  std::size_t instrument) const {
+  CheckInstrument(instrument, *this);
   return Guarded([&] {
     const vessel::CenterlineNetwork& network = parts_->scene->vessel().centerlines;
-    const vessel::CenterlinePlace from = network.NearestTo(parts_->scene->rod().sheath().point_mm);
+    const Sheath& sheath = parts_->scene->stack().instrument(static_cast<int>(instrument)).sheath();
+    const vessel::CenterlinePlace from = network.NearestTo(sheath.point_mm);
     return Walk(network.Path(from, network.Place(centerline, at_mm)), step_mm);
   });
 }

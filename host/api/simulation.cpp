@@ -164,12 +164,8 @@ std::size_t Simulation::node_count() const {
 
 std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
   const auto hold = parts().usage.Look();
+  CheckInstrument(instrument, parts_->scene);
   const WireState& state = parts_->simulation.state();
-  const auto count = static_cast<std::size_t>(state.poses().size());
-  if (instrument >= count) {
-    throw Error(fmt::format("there is no instrument {}; the scene has {}, numbered from 0",
-                            instrument, count));
-  }
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;
   TakeNodes(parts_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm, part);
@@ -227,9 +223,26 @@ bool Simulation::outside_lumen() const {
 std::vector<Contact> Simulation::contacts() const {
   const auto hold = parts().usage.Look();
   std::vector<Contact> all;
-  parts_->simulation.VisitContacts([&all](int node, double penetration_mm) {
+  const auto add = [&all](int node, double penetration_mm) {
     all.push_back({static_cast<std::size_t>(node), penetration_mm});
-  });
+  };
+  parts_->simulation.VisitContacts(parts_->simulation.state().FarthestCurve(), add);
+  return all;
+}
+
+std::vector<Contact> Simulation::InstrumentContacts(std::size_t instrument) const {
+  const auto hold = parts().usage.Look();
+  CheckInstrument(instrument, parts_->scene);
+  const WireState& state = parts_->simulation.state();
+  const int k = static_cast<int>(instrument);
+  const int last =
+      NodesBefore(parts_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm);
+  std::vector<Contact> all;
+  const auto add = [&](int node, double penetration_mm) {
+    // Beyond its tip the curve belongs to another instrument.
+    if (node <= last) all.push_back({static_cast<std::size_t>(node), penetration_mm});
+  };
+  parts_->simulation.VisitContacts(parts_->lent->stack().CurveOf(k), add);
   return all;
 }
 

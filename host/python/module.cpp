@@ -97,6 +97,14 @@ py::array_t<double> Nodes(const Simulation& simulation) {
   return out;
 }
 
+py::dict ToDict(const std::vector<torquer::Contact>& contacts) {
+  py::dict out;
+  for (const torquer::Contact& contact : contacts) {
+    out[py::int_(contact.node)] = contact.penetration_mm;
+  }
+  return out;
+}
+
 py::dict ForcesOf(const Simulation& simulation) {
   const torquer::Forces forces = simulation.forces();
   py::dict out;
@@ -150,7 +158,9 @@ void AddScene(py::module_& module) {
       .def_readonly("max_length_mm", &torquer::InstrumentInfo::max_length_mm)
       .def_readonly("tip_radius_mm", &torquer::InstrumentInfo::tip_radius_mm)
       .def_readonly("inner_radius_mm", &torquer::InstrumentInfo::inner_radius_mm,
-                    "Radius of the lumen in mm; 0: solid.");
+                    "Radius of the lumen in mm; 0: solid.")
+      .def_readonly("is_beside", &torquer::InstrumentInfo::is_beside,
+                    "True if it lies beside the earlier instruments, with [instrument.entry].");
   py::class_<Scene>(module, "Scene", "A scene, read from a file and checked, with its vessel.")
       .def(py::init(&Scene::FromFile), py::arg("path"), NoGil(),
            "Reads a scene file and the files that it names.")
@@ -190,12 +200,14 @@ void AddScene(py::module_& module) {
           "Points along a centerline, step_mm apart, shape (n, 3).")
       .def(
           "route_mm",
-          [](const Scene& scene, const std::string& centerline, double at_mm, double step_mm) {
-            return ToRows(scene.RouteMm(centerline, at_mm, step_mm));
+          [](const Scene& scene, const std::string& centerline, double at_mm, double step_mm,
+             std::size_t instrument) {
+            return ToRows(scene.RouteMm(centerline, at_mm, step_mm, instrument));
           },
           py::arg("centerline"), py::arg("at_mm"), py::arg("step_mm") = 1.0,
-          "Points along the shortest route from the entry to a place on a centerline, step_mm "
-          "apart, shape (n, 3).")
+          py::arg("instrument") = 0,
+          "Points along the shortest route from the entry of an instrument to a place on a "
+          "centerline, step_mm apart, shape (n, 3).")
       .def(py::pickle(
           [](const Scene& scene) {
             return py::make_tuple(scene.text(), scene.folder(), scene.content_hash());
@@ -288,16 +300,18 @@ void AddSimulation(py::module_& module) {
           "continues from there.")
       .def_property_readonly("time_s", &Simulation::time_s)
       .def_property_readonly("nodes_mm", &Nodes,
-                             "Nodes of the wire, from the entry to the tip, shape (n, 3).")
+                             "Nodes of the wire, from the entry to the tip, shape (n, 3). With "
+                             "[effects.clearance] or [instrument.entry] instruments lie on several "
+                             "curves. These are then the nodes of the one that reaches farthest, "
+                             "and another step may make it another one.")
       .def(
           "instrument_nodes_mm",
           [](const Simulation& self, std::size_t instrument) {
             return ToRows(self.InstrumentNodesMm(instrument));
           },
           py::arg("instrument"),
-          "Nodes of an instrument, from the entry to its tip, shape (n, 3). The innermost "
-          "instrument is number 0. With [effects.clearance] or [instrument.entry] "
-          "instruments lie on several curves, otherwise on one.")
+          "Nodes of an instrument, from its entry to its tip, on whichever curve it lies, shape "
+          "(n, 3). The innermost instrument is number 0.")
       .def_property_readonly(
           "hands",
           [](const Simulation& self) {
@@ -347,17 +361,20 @@ void AddSimulation(py::module_& module) {
       .def("record", &Simulation::Record,
            "Record of the session as JSON, as torquer-simulator --record writes it.")
       .def(
-          "contacts",
-          [](const Simulation& self) {
-            py::dict out;
-            for (const torquer::Contact& contact : self.contacts()) {
-              out[py::int_(contact.node)] = contact.penetration_mm;
-            }
-            return out;
+          "contacts", [](const Simulation& self) { return ToDict(self.contacts()); },
+          "Penetrations of the wall in mm, by the node of nodes_mm at the end of the segment in "
+          "contact.")
+      .def(
+          "instrument_contacts",
+          [](const Simulation& self, std::size_t instrument) {
+            return ToDict(self.InstrumentContacts(instrument));
           },
-          "Penetrations of the wall in mm, by the node at the end of the segment in contact.")
+          py::arg("instrument"),
+          "The same along the curve of an instrument up to its tip, by the node of "
+          "instrument_nodes_mm.")
       .def("forces", &ForcesOf,
-           "Forces along the wire, one entry per node; empty without [effects.internal_forces].")
+           "Forces along the wire, one entry per node of nodes_mm; empty without "
+           "[effects.internal_forces].")
       .def("picture_due", &Simulation::picture_due, py::arg("plane") = 0,
            "True if a picture was taken that picture() has not returned yet.")
       .def("picture", &PictureOf, py::arg("plane") = 0,

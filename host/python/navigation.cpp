@@ -184,16 +184,16 @@ void Navigation::Write(float* out) const {
       *out++ = static_cast<float>(point[axis] - from[axis]);
     }
   };
-  const double* const nodes_mm = simulation_.nodes_mm();
-  const std::size_t count = simulation_.node_count();
-  const auto node = [nodes_mm](std::size_t k) {
-    return Point{nodes_mm[3 * k], nodes_mm[3 * k + 1], nodes_mm[3 * k + 2]};
-  };
-  // With hardly any wire inside, the points are those at the entry.
-  const double segment_mm = count > 2 ? Distance(node(count - 1), node(count - 2)) : kApart_mm;
+  const std::vector<Point> nodes_mm = simulation_.InstrumentNodesMm(task_.instrument);
+  const std::size_t count = nodes_mm.size();
+  // With hardly any wire inside, the points are those at the entry. The last segment may be cut by
+  // the tip.
+  const double segment_mm = count > 2 ? std::max(Distance(nodes_mm[count - 1], nodes_mm[count - 2]),
+                                                 Distance(nodes_mm[count - 2], nodes_mm[count - 3]))
+                                      : kApart_mm;
   const auto every = static_cast<std::size_t>(std::max(1L, std::lround(kApart_mm / segment_mm)));
   for (std::size_t k = 1; k <= kWirePoints; ++k) {
-    put(node(count - 1 > k * every ? count - 1 - k * every : 0), tip_);
+    put(nodes_mm[count - 1 > k * every ? count - 1 - k * every : 0], tip_);
   }
   for (std::size_t k = 1; k <= kRoutePoints; ++k) {
     const auto ahead = k * static_cast<std::size_t>(kApart_mm);

@@ -258,6 +258,12 @@ class Page {
            "Systems 46(5):647, 2016.</li>\n",
            SessionCourse::kPathStepMm, SessionCourse::kSpeedWindowS, SessionCourse::kRestingMmS,
            SessionCourse::kReversalMm);
+    const std::vector<InstrumentCourse>& instruments = report_.course.instruments();
+    if (instruments.size() > 1) {
+      out_ += "<li>Speed and drawn path of the tip are those of " + SafeText(instruments[0].name) +
+              ", the innermost instrument. The path length is that of the assessed instrument, if "
+              "the scene has an assessment.</li>\n";
+    }
     if (figures_.Reading("log_dimensionless_jerk")) {
       out_ +=
           "<li>LDLJ is the log dimensionless jerk of the hand's speed; the nearer to zero, the "

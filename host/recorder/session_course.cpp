@@ -49,9 +49,8 @@ void SessionCourse::ReleaseSilentPedals(double now_s) {
 }
 
 void SessionCourse::Add(const torquer_lcm::wire_state_t& state) {
-  if (!(std::abs(state.time_s) <= Series::kMost) || state.nodes_mm.empty()) return;
-  const Tick tick{state.tick, state.clock_id, state.publish_us, state.instruments,
-                  Eigen::Vector3f(state.nodes_mm.back().data()).cast<double>()};
+  if (!(std::abs(state.time_s) <= Series::kMost)) return;
+  const Tick tick{state.tick, state.clock_id, state.publish_us, state.instruments};
   if (!last_) begin_s_ = time_s_ = state.time_s;
   // Values stayed constant during rest. Without this extra point the plot would show a slow ramp.
   const bool follows = last_ && last_->number < INT64_MAX && tick.number == last_->number + 1;
@@ -72,7 +71,7 @@ void SessionCourse::AddAt(double time_s, const Tick& tick) {
     instruments_[k].rotation_deg.Add(time_s_, kDegreesPerRad * instrument.rotation_rad);
     CountReversals(k, instrument.insertion_mm);
   }
-  FollowTip(time_s_, tick.tip_mm);
+  if (count > 0) FollowTip(time_s_, Eigen::Vector3d(tick.instruments[0].tip_mm));
 }
 
 void SessionCourse::FollowTip(double time_s, const Eigen::Vector3d& tip_mm) {

@@ -57,7 +57,8 @@ class SessionCourse {
 
   /// Takes the pedals from the commands of the innermost instrument.
   void Add(const torquer_lcm::instrument_command_t& command);
-  /// Adds a tick; each tick must be added only once.
+  /// Adds a tick; each tick must be added only once. The tip is that of the innermost instrument,
+  /// also where another one reaches farther.
   void Add(const torquer_lcm::wire_state_t& state);
   void Add(const torquer_lcm::readings_t& readings);
 
@@ -84,7 +85,6 @@ class SessionCourse {
     std::int64_t clock_id = 0;
     std::int64_t publish_us = 0;
     std::vector<torquer_lcm::instrument_state_t> instruments;
-    Eigen::Vector3d tip_mm;  // the farthest tip on the innermost curve
   };
   // Insertion at an instrument's last reversal; before its first motion, its initial insertion.
   struct Turn {

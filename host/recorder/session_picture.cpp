@@ -263,6 +263,13 @@ void AppendLegend(std::string& out, const PictureWire& wire, const Panel& panel)
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"subtitle\">{} {:.1f} mm</text>\n", x + 36,
            y + 5, plot::EscapeMarkup(wire.instruments[k].name), wire.instruments[k].insertion_mm);
   }
+  const bool several =
+      std::any_of(wire.instruments.begin(), wire.instruments.end(),
+                  [](const PictureInstrument& instrument) { return !instrument.nodes_mm.empty(); });
+  if (!several) return;
+  const double y = panel.pixels.min().y() + 31 + 22 * static_cast<double>(wire.instruments.size());
+  Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"subtitle\">contacts of {} alone</text>\n", x,
+         y, plot::EscapeMarkup(wire.instruments[0].name));
 }
 
 void AppendFigures(std::string& out, const PictureCaption& caption, const Box& box) {

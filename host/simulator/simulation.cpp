@@ -290,9 +290,9 @@ void Simulation::DescribeShape(torquer_lcm::wire_state_t& out) const {
 }
 
 void Simulation::VisitContacts(
-    const std::function<void(int node, double penetration_mm)>& visit) const {
-  const PointSet& points = relaxation_->Current().points;
-  for (int i = 0; i < state_.segments(); ++i) {
+    int curve, const std::function<void(int node, double penetration_mm)>& visit) const {
+  const PointSet& points = relaxation_->Current().curve(curve).points;
+  for (int i = 0; i < state_.curve(curve).segments(); ++i) {
     double deepest_mm = 0;
     for (int k = 0; k < points.per_segment; ++k) {
       const auto q = static_cast<std::size_t>(i * points.per_segment + k);
@@ -306,7 +306,7 @@ void Simulation::VisitContacts(
 void Simulation::DescribeContacts(torquer_lcm::wire_state_t& out) const {
   out.contact_nodes.clear();
   out.contact_penetrations_um.clear();
-  VisitContacts([&out](int node, double penetration_mm) {
+  VisitContacts(0, [&out](int node, double penetration_mm) {
     out.contact_nodes.push_back(node);
     out.contact_penetrations_um.push_back(static_cast<float>(1e3 * penetration_mm));
   });

@@ -81,10 +81,10 @@ class Simulation {
   double longest_tick_s() const;
   /// True if the wire is at rest at its targets.
   bool at_rest() const { return report_.converged && report_.arrived(); }
-  /// Calls `visit` for each segment of the innermost curve that touches the wall, in order towards
-  /// the tip. It gets the distal node of the segment and the depth of its deepest point, > 0.
-  /// Contacts of other curves are left out.
-  void VisitContacts(const std::function<void(int node, double penetration_mm)>& visit) const;
+  /// Calls `visit` for each segment of a curve that touches the wall, in order towards the tip. It
+  /// gets the distal node of the segment and the depth of its deepest point, > 0.
+  void VisitContacts(int curve,
+                     const std::function<void(int node, double penetration_mm)>& visit) const;
   /// Readings of the observers of the scene.
   std::vector<effects::Reading> Readings() const;
   /// Forces along the wire in the present state; null if no effect computes them.

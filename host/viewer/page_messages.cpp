@@ -49,12 +49,24 @@ Value ReadAt(std::span<const std::uint8_t> bytes, std::size_t offset) {
 
 std::string Name(const std::string& text) { return Printable(text, kLongestName); }
 
+// Forces are those along the curve that reaches farthest. The nodes of a state are those of the
+// innermost curve, and both may have the same number.
+bool ReachesFarthest(const torquer_lcm::wire_state_t& state) {
+  double innermost_mm = 0;
+  double other_mm = 0;
+  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    double& reach_mm = instrument.nodes_mm.empty() ? innermost_mm : other_mm;
+    reach_mm = std::max(reach_mm, instrument.insertion_mm);
+  }
+  return innermost_mm >= other_mm;
+}
+
 // mN at each node that the state has; NaN where nothing measures it.
 std::vector<float> ContactForces(const torquer_lcm::wire_state_t& state,
                                  const torquer_lcm::wire_forces_t* forces) {
   std::vector<float> magnitudes(state.nodes_mm.size(), std::numeric_limits<float>::quiet_NaN());
   if (forces == nullptr || forces->tick != state.tick || forces->stride != state.stride ||
-      forces->contact_force_mN.size() != state.nodes_mm.size()) {
+      forces->contact_force_mN.size() != state.nodes_mm.size() || !ReachesFarthest(state)) {
     return magnitudes;
   }
   for (std::size_t i = 0; i < magnitudes.size(); ++i) {
@@ -198,6 +210,7 @@ std::string LinesText(const vessel::CenterlineNetwork& centerlines,
     text["target"] = {{"at_mm", {end.x(), end.y(), end.z()}},
                       {"radius_mm", task->target_radius_mm},
                       {"force_limit_mN", task->force_limit_mN},
+                      {"instrument", task->instrument},
                       {"route_mm", Points(task->route)},
                       {"route_shares", RoundedShares(task->route, motions)}};
   }

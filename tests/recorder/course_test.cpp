@@ -29,6 +29,7 @@ torquer_lcm::wire_state_t Tick(std::int64_t number, double time_s, double insert
   state.instruments[0].name = protocol::kGuidewire;
   state.instruments[0].insertion_mm = insertion_mm;
   state.instruments[0].rotation_rad = insertion_mm / 10;
+  state.instruments[0].tip_mm[0] = tip_mm;
   state.nodes_mm = {{0, 0, 0}, {static_cast<float>(tip_mm), 0, 0}};
   return state;
 }
@@ -70,13 +71,25 @@ TEST_CASE("The course has way, speed and reversals of a motion that is known") {
   CHECK(wire.reversals == 2);
   CHECK(Highest(wire.insertion_mm) == Approx(175));
   CHECK(Highest(wire.rotation_deg) == Approx(17.5 * 180 / M_PI));
-  CHECK(course.tip_path_mm() == Approx(40 + 5 + 40).margin(0.8));
+  // At each turn, and at the end, less than a step is lost.
+  CHECK(course.tip_path_mm() == Approx(40 + 5 + 40).margin(3 * SessionCourse::kPathStepMm));
   CHECK(course.peak_speed_mm_s() == Approx(20).epsilon(1e-3));
   // 85 mm in the 7 s of motion; the tremor increases both a little.
   CHECK(course.moving_speed_mm_s() == Approx(85.0 / 7).epsilon(0.15));
   CHECK(course.begin_s() == 0);
   CHECK(course.end_s() == Approx(8));
   CHECK(course.tip_way_mm().size() == Approx(85 / 0.5).margin(8));
+}
+
+TEST_CASE("The way of the tip is that of the innermost instrument in a longer one") {
+  SessionCourse course;
+  for (int i = 0; i <= 100; ++i) {
+    torquer_lcm::wire_state_t state = Tick(i, 0.01 * i, 0.5 * i, 0.5 * i);
+    state.nodes_mm.push_back({70, 0, 0});  // as far as a catheter reaches
+    course.Add(state);
+  }
+  CHECK(course.tip_path_mm() == Approx(50).margin(0.5));
+  CHECK(course.peak_speed_mm_s() == Approx(50).epsilon(1e-3));
 }
 
 TEST_CASE("A long way of the tip is kept evenly, and within bounds") {

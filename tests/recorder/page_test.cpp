@@ -250,6 +250,16 @@ TEST_CASE("The page has all that it shows, and text of a log is text") {
   CHECK_THAT(page, Catch::Contains("default-src 'none'"));
 }
 
+TEST_CASE("A page of several instruments says whose tip it means") {
+  SessionReport report = Report(true);
+  const std::string whose = "are those of guidewire, the innermost instrument";
+  CHECK(FormatPage(report, Parts()).find(whose) == std::string::npos);
+  torquer_lcm::wire_state_t state = report.last_state;
+  state.instruments.push_back(state.instruments[0]);
+  report.course.Add(state);
+  CHECK_THAT(FormatPage(report, Parts()), Catch::Contains(whose));
+}
+
 TEST_CASE("Earlier sessions make a learning curve, and damaged ones are named") {
   const SessionReport report = Report(true);
   PageParts parts = Parts();

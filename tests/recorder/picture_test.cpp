@@ -128,8 +128,10 @@ TEST_CASE("An instrument with nodes to itself is drawn along them, and lies in t
   wire.instruments = {{"wire", 4}, {"buddy", 5, {{1, 0, 0}, {1, 0, 3}, {40, 0, 3}}}};
   const std::string svg = DrawSession({}, kAxes, wire, {});
   CHECK_THAT(svg, Catch::Contains("d=\"M100 0L100 -300 4000 -300\" stroke"));
+  CHECK_THAT(svg, Catch::Contains("contacts of wire alone"));
   // The overview is centered between the first node of the wire and the tip of the buddy.
   const std::string alone = DrawSession({}, kAxes, {wire.nodes_mm, {{"wire", 4}}, {}}, {});
+  CHECK(alone.find("contacts of") == std::string::npos);
   const auto overview = [](const std::string& text) {
     const std::size_t at = text.find("transform=\"matrix(");
     return text.substr(at, text.find(')', at) - at);

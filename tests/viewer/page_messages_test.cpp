@@ -80,7 +80,8 @@ TEST_CASE("A state's frame has the documented layout") {
 }
 
 TEST_CASE("Contact forces are shown with the state of their tick alone") {
-  const torquer_lcm::wire_state_t state = ThreeNodes();
+  torquer_lcm::wire_state_t state = ThreeNodes();
+  state.instruments[0].nodes_mm.clear();
   torquer_lcm::wire_forces_t forces{};
   forces.tick = 7;
   forces.stride = 2;
@@ -89,6 +90,24 @@ TEST_CASE("Contact forces are shown with the state of their tick alone") {
   CHECK(At<float>(StateFrame(state, &forces, 5), 128 + 36 + 4) == 5.0F);
   forces.tick = 6;
   CHECK(std::isnan(At<float>(StateFrame(state, &forces, 5), 128 + 36 + 4)));
+}
+
+TEST_CASE("Contact forces of an instrument that reaches farther are not shown on the innermost") {
+  torquer_lcm::wire_state_t state = ThreeNodes();
+  state.instrument_count = 2;
+  state.instruments = {state.instruments[0], state.instruments[0]};
+  state.instruments[0].nodes_mm.clear();
+  torquer_lcm::wire_forces_t forces{};
+  forces.tick = 7;
+  forces.stride = 2;
+  forces.node_count = 3;
+  forces.contact_force_mN = {{0, 0, 0}, {3, 4, 0}, {0, 0, 2}};
+  const auto shown_mN = [&] {
+    return At<float>(StateFrame(state, &forces, 5), 64 + 2 * 64 + 36 + 4);
+  };
+  CHECK(shown_mN() == 5.0F);
+  state.instruments[1].insertion_mm += 0.3;
+  CHECK(std::isnan(shown_mN()));
 }
 
 TEST_CASE("A contact beyond the nodes that are there is left out") {
@@ -240,7 +259,7 @@ TEST_CASE("Centerlines, route and target are given point by point") {
   const Centerline first("a\nb", {{0, 0, 0}, {10, 0, 0.126}}, {2, 2});
   const Centerline second("c", {{10, 0, 0}, {10, 5, 0}}, {1, 1});
   const torquer::vessel::CenterlineNetwork network({first, second});
-  const torquer::effects::AssessmentTask task{second, 4, 120, 0};
+  const torquer::effects::AssessmentTask task{second, 4, 120, 2};
   const auto text = nlohmann::json::parse(LinesText(network, &task, 0xabc, {}));
   CHECK(text.at("kind") == "lines");
   CHECK(text.at("hash") == "0000000000000abc");
@@ -250,6 +269,7 @@ TEST_CASE("Centerlines, route and target are given point by point") {
   CHECK(text.at("target").at("at_mm") == nlohmann::json({10, 5, 0}));
   CHECK(text["target"].at("radius_mm") == 4);
   CHECK(text["target"].at("force_limit_mN") == 120);
+  CHECK(text["target"].at("instrument") == 2);
   CHECK(text["target"].at("route_mm") == nlohmann::json({10, 0, 0, 10, 5, 0}));
   CHECK(nlohmann::json::parse(LinesText(network, nullptr, 1, {})).at("target").is_null());
 }

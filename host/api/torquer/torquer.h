@@ -105,9 +105,10 @@ class TORQUER_API Scene {
   std::vector<std::string> centerlines() const;
   /// Points along a centerline, `step_mm` (> 0) apart, with its end; a million at most.
   std::vector<Point> CenterlineMm(const std::string& name, double step_mm) const;
-  /// Points along the shortest way from the entry point to a place on a centerline, as
-  /// CenterlineMm. `at_mm`: distance of the place from the centerline's start.
-  std::vector<Point> RouteMm(const std::string& centerline, double at_mm, double step_mm) const;
+  /// Points along the shortest way from the entry point of an instrument to a place on a
+  /// centerline, as CenterlineMm. `at_mm`: distance of the place from the centerline's start.
+  std::vector<Point> RouteMm(const std::string& centerline, double at_mm, double step_mm,
+                             std::size_t instrument = 0) const;
 
  private:
   friend class Simulation;
@@ -176,7 +177,7 @@ struct Reading {
   double value = 0;  ///< NaN: not known
 };
 
-/// Forces along the wire at every node (node 0 is at the entry point).
+/// Forces along the wire at every node of Simulation::nodes_mm().
 struct Forces {
   std::vector<Point> contact_mN;        ///< force of the wall on the wire
   std::vector<double> line_load_mN_mm;  ///< load of the wall
@@ -229,12 +230,13 @@ class TORQUER_API Simulation {
 
   double time_s() const;
   /// Nodes of the combined wire of all instruments: x, y, z of each, from the entry point to the
-  /// tip. Has node_count() * 3 values, valid until the next step, restart or assignment.
+  /// tip. Has node_count() * 3 values, valid until the next step, restart or assignment. With
+  /// [effects.clearance] or [instrument.entry] the instruments lie on several curves. These are
+  /// then the nodes of the one that reaches farthest, and another step may make it another one.
   const double* nodes_mm() const;
   std::size_t node_count() const;
-  /// Nodes of an instrument, from the entry point to its tip; number 0 is the innermost. All
-  /// instruments lie on the curve of nodes_mm(). With [effects.clearance] or
-  /// [instrument.entry] they lie on several.
+  /// Nodes of an instrument, from its entry point to its tip, on whichever curve it lies; number
+  /// 0 is the innermost.
   std::vector<Point> InstrumentNodesMm(std::size_t instrument) const;
   /// States of the instruments, the innermost first.
   std::vector<InstrumentState> instruments() const;
@@ -248,15 +250,17 @@ class TORQUER_API Simulation {
   double DiscretizationErrorMm();
   double max_penetration_mm() const;  ///< of the wire's surface into the wall
   bool outside_lumen() const;         ///< true if the center curve of an instrument leaves it
-  /// Contacts of the innermost instrument's curve, from the entry point to its tip, at most one for
-  /// each segment. Contacts of instruments on other curves are not listed.
+  /// Contacts of the curve of nodes_mm(), from the entry point to its tip, at most one for each
+  /// segment. `node` counts in nodes_mm(). With several curves, InstrumentContacts has all.
   std::vector<Contact> contacts() const;
+  /// Contacts of the curve of an instrument up to its tip. `node` counts in InstrumentNodesMm().
+  std::vector<Contact> InstrumentContacts(std::size_t instrument) const;
   std::uint64_t state_hash() const;  ///< of everything that decides the further motion
   /// Readings of the observers of the scene; see host/simulator/effects/README.md.
   std::vector<Reading> readings() const;
   /// Record of the session as JSON, with the readings, as torquer-simulator --record writes it.
   std::string Record() const;
-  /// Forces along the wire; empty without [effects.internal_forces].
+  /// Forces along the curve of nodes_mm(); empty without [effects.internal_forces].
   Forces forces() const;
   int picture_planes() const;  ///< 0 without [effects.fluoroscopy], 2 with [effects.lateral_plane]
   /// True if a plane has a new picture that LastPicture has not returned yet. A step may take

@@ -104,7 +104,8 @@ class Prepared:
         whole("max_steps", task.max_steps, 1, 2**31 - 1)
         sees = sees or observation == "picture"
         self.scene = _scene_of(given, task, sees)
-        self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0)
+        self.instrument = task.instrument
+        self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0, task.instrument)
         self.task = NavigationTask(
             instrument=task.instrument,
             within_mm=task.within_mm,
@@ -124,7 +125,8 @@ class Prepared:
         if observation == "vector":
             # No point of a wire is farther from the entry than the wire's length.
             longest_mm = [one.max_length_mm for one in self.scene.instruments]
-            steps_mm = np.diff(self.route, axis=0, prepend=self.navigation.simulation.nodes_mm[:1])
+            entry_mm = self.navigation.simulation.instrument_nodes_mm(self.instrument)[:1]
+            steps_mm = np.diff(self.route, axis=0, prepend=entry_mm)
             far_mm = 2 * max(longest_mm) + np.linalg.norm(steps_mm, axis=1).sum()
             turns = [1.0] * 2 * len(longest_mm)
             points = [far_mm] * (self.vector_size - len(longest_mm) - len(turns))

@@ -44,8 +44,8 @@ class NavigationEnv(Env):  # type: ignore[misc]
     (2 * instruments,), float32.
 
     Observations "vector", float32, in mm unless stated otherwise. They have the last points of the
-    wire about 5 mm apart, the next points of the route about 5 mm apart, and the target. All of
-    these are relative to the tip of the task's instrument. Then follow the insertions, cosines and
+    task's instrument about 5 mm apart, the next points of the route about 5 mm apart, and the
+    target. All of these are relative to the tip of that instrument. Then follow the insertions, cosines and
     sines of the rotations of all instruments. Observations "picture": the X-ray picture of
     [effects.fluoroscopy], shape (height, width, 1), uint8. The finite bounds of the space are valid
     for all motions.

@@ -18,7 +18,7 @@ import secrets
 import shutil
 import struct
 import tempfile
-from typing import Any, Dict, Iterator, List, Sequence, Union
+from typing import Any, Dict, Iterator, List, Sequence, Tuple, Union
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -40,19 +40,22 @@ _NODE_FIELDS = {
     "bending_mN_mm": 1,
     "twisting_mN_mm": 1,
 }
+_OWN_NODES = ".nodes_mm"  # end of the name of an instrument's field
 _MOST_NODES = 100_000
 _MOST_LINE_BYTES = 64 << 20
 
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """The curve on which all instruments lie, from the entry to the farthest tip."""
+    """The curve of the instrument that reaches farthest, from its entry to its tip, and the others."""
 
     time_s: float
     nodes_mm: Array
     """Shape (n, 3)."""
     point_data: Dict[str, Array]
     """Values of each node: contact_force_mN (n, 3), tension_mN and others (n,); empty without forces."""
+    instruments: Dict[str, Array] = dataclasses.field(default_factory=dict)
+    """Nodes of each instrument by its name, if they lie on several curves; empty if all lie on nodes_mm."""
 
     @staticmethod
     def of(simulation: Simulation) -> State:
@@ -60,7 +63,25 @@ class State:
         forces = dict(simulation.forces())
         if "contact_mN" in forces:
             forces["contact_force_mN"] = forces.pop("contact_mN")
-        return State(simulation.time_s, simulation.nodes_mm.copy(), forces)
+        scene = simulation.scene
+        several = "clearance" in scene.effects or any(one.is_beside for one in scene.instruments)
+        names = [one.name for one in scene.instruments] if several else []
+        nodes = {name: simulation.instrument_nodes_mm(k) for k, name in enumerate(names)}
+        return State(simulation.time_s, simulation.nodes_mm.copy(), forces, nodes)
+
+    def lines(self) -> List[Tuple[str, Array, Dict[str, Array]]]:
+        """Name, nodes and values of each polyline, nodes_mm first. Values are NaN on the others."""
+
+        def is_first(nodes: Array) -> bool:
+            return len(nodes) == len(self.nodes_mm) and np.allclose(nodes, self.nodes_mm, rtol=0, atol=1e-9)
+
+        first = [name for name, nodes in self.instruments.items() if is_first(nodes)][:1]
+        out = [("".join(first), self.nodes_mm, self.point_data)]
+        for name, nodes in self.instruments.items():
+            if name not in first:
+                shape = {key: (len(nodes), *values.shape[1:]) for key, values in self.point_data.items()}
+                out.append((name, nodes, {key: np.full(size, np.nan) for key, size in shape.items()}))
+        return out
 
 
 def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
@@ -110,7 +131,12 @@ def _parse_state(where: str, line: bytes) -> State:
                     f"{where}: field {field} has {len(data[field])} entries for {len(nodes)} nodes; "
                     "write the file again with torquer-simulator --states"
                 )
-    return State(float(time_s), nodes, data)
+    instruments = {
+        field.removesuffix(_OWN_NODES): _numbers(where, field, values, 3)
+        for field, values in fields.items()
+        if field.endswith(_OWN_NODES)
+    }
+    return State(float(time_s), nodes, data, instruments)
 
 
 def _lines(path: str) -> Iterator[bytes]:
@@ -128,11 +154,13 @@ def _read_binary(path: str) -> List[State]:
         if field not in fields:
             raise Error(f"{path}: field {field} is missing; name it in torquer-simulator --fields")
     names = [name for name in _NODE_FIELDS if name in fields]
+    own = [name for name in fields if name.endswith(_OWN_NODES)]
     states = [
         State(
             float(fields["time_s"][k]),
             np.asarray(fields["nodes_mm"][k]),
             {name: np.asarray(fields[name][k]) for name in names},
+            {name.removesuffix(_OWN_NODES): np.asarray(fields[name][k]) for name in own},
         )
         for k in range(fields.rows)
     ]
@@ -182,16 +210,19 @@ _VTK_FILE = (
 
 
 def _vtp(state: State) -> str:
-    count = len(state.nodes_mm)
-    data = "".join(_data_array(name, values) for name, values in state.point_data.items())
+    lines = state.lines()
+    ends = np.cumsum([len(nodes) for _, nodes, _ in lines])
+    data = "".join(
+        _data_array(name, np.concatenate([values[name] for _, _, values in lines])) for name in state.point_data
+    )
     return (
         _VTK_FILE.format("PolyData")
-        + f'<PolyData>\n<Piece NumberOfPoints="{count}" NumberOfVerts="0" NumberOfLines="1" '
+        + f'<PolyData>\n<Piece NumberOfPoints="{ends[-1]}" NumberOfVerts="0" NumberOfLines="{len(lines)}" '
         f'NumberOfStrips="0" NumberOfPolys="0">\n<PointData>\n{data}</PointData>\n<Points>\n'
-        + _data_array("Points", state.nodes_mm)
+        + _data_array("Points", np.concatenate([nodes for _, nodes, _ in lines]))
         + "</Points>\n<Lines>\n"
-        + _data_array("connectivity", np.arange(count))
-        + _data_array("offsets", np.array([count]))
+        + _data_array("connectivity", np.arange(ends[-1]))
+        + _data_array("offsets", ends)
         + "</Lines>\n</Piece>\n</PolyData>\n</VTKFile>\n"
     )
 
@@ -226,18 +257,20 @@ def slicer_curve(points: Array, radii: Union[Array, None] = None) -> str:
 
 def _csv(states: Sequence[State]) -> str:
     names = list(states[0].point_data)
-    header = ["time_s", "node", "x_mm", "y_mm", "z_mm"]
+    several = bool(states[0].instruments)
+    header = ["time_s", *(["instrument"] if several else []), "node", "x_mm", "y_mm", "z_mm"]
     for name in names:
         stem, unit = name.rsplit("_", 1)
         three = states[0].point_data[name].ndim == 2
         header += [f"{stem}_{axis}_{unit}" for axis in "xyz"] if three else [name]
     lines = [",".join(header)]
     for state in states:
-        if list(state.point_data) != names:
+        if list(state.point_data) != names or bool(state.instruments) != several:
             raise Error(f"the state at {state.time_s} s has other data than the first; give one run")
-        table = np.column_stack([state.nodes_mm, *state.point_data.values()])
-        for node, row in enumerate(table):
-            lines.append(f"{state.time_s!r},{node}," + ",".join(map(repr, map(float, row))))
+        for name, nodes, values in state.lines():
+            begin = f"{state.time_s!r},{name}," if several else f"{state.time_s!r},"
+            for node, row in enumerate(np.column_stack([nodes, *values.values()])):
+                lines.append(f"{begin}{node}," + ",".join(map(repr, map(float, row))))
     return "\n".join(lines) + "\n"
 
 
@@ -293,7 +326,8 @@ def write(states: Sequence[State], path: Path) -> str:
     """Writes states in the format of the path's ending, and returns a description.
 
     .pvd: a series for ParaView, with a .vtp for each state in the folder of the same name, which
-    must not exist yet. .csv: a row for each node. .vtp and .mrk.json: only the last state.
+    must not exist yet. .csv: a row for each node. .vtp and .mrk.json: only the last state. Of
+    instruments on several curves, .mrk.json has the one that reaches farthest; the others have all.
     """
     path = pathlib.Path(path)
     if not states:
@@ -316,11 +350,14 @@ def write(states: Sequence[State], path: Path) -> str:
 
 
 def to_meshio(state: State) -> Any:
-    """A state as a meshio.Mesh of one polyline. Needs Debian's python3-meshio."""
+    """A state as a meshio.Mesh of polylines. Needs Debian's python3-meshio."""
     try:
         import meshio  # type: ignore[import]
     except ImportError:
         raise Error("meshio is missing; install the package python3-meshio") from None
-    index = np.arange(len(state.nodes_mm))
-    cells = [("line", np.column_stack([index[:-1], index[1:]]))]
-    return meshio.Mesh(state.nodes_mm, cells, point_data=dict(state.point_data))
+    lines = state.lines()
+    ends = np.cumsum([len(nodes) for _, nodes, _ in lines])
+    index = np.delete(np.arange(ends[-1]), ends - 1)  # no segment begins at the end of a line
+    cells = [("line", np.column_stack([index, index + 1]))]
+    data = {name: np.concatenate([values[name] for _, _, values in lines]) for name in state.point_data}
+    return meshio.Mesh(np.concatenate([nodes for _, nodes, _ in lines]), cells, point_data=data)

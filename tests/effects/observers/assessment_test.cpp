@@ -21,13 +21,14 @@ struct Trainee {
 
   const vessel::MovingField* moving;
   effects::WallForce force{{.threshold_mN = 100}};
+  WireModel model = MakeWire({});
   effects::Assessment assessment{
       {.route = vessel::Centerline("route", {{0, 0, 0}, {50, 0, 0}, {100, 0, 0}}, {4, 4, 4}),
        .target_radius_mm = 3,
        .force_limit_mN = 50},
       force,
+      model,
       moving};
-  WireModel model = MakeWire({});
   WireState state{model};
   QuadraticModel quadratic;
   TickReport report;

@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "host/simulator/core/stack/instrument_stack.h"
 #include "host/support/error.h"
 
 namespace torquer::effects {
@@ -58,7 +59,9 @@ void Assessment::Observe(const TickView& tick) {
   const double insertion_mm = tick.target[task_.instrument].insertion_mm;
   CountRetractions(insertion_mm);
   speed_.Add(tick.time_s, insertion_mm);
-  const Eigen::Vector3d& tip = tick.state.Farthest().tip();
+  // An instrument beside or around this one may reach farther.
+  const Eigen::Vector3d tip = PointAt(rod_, tick.state.CurveOf(task_.instrument),
+                                      tick.state.poses()[task_.instrument].insertion_mm);
   const Eigen::Vector3d at_rest = moving_ == nullptr ? tip : moving_->AtRest(tip);
   // The wire at the start has been relaxed, but its tick has no report.
   if (!tip_) tip_ = at_rest;
@@ -164,7 +167,7 @@ const Keys<AssessmentSpec>& AssessmentKeys() {
                   "largest force on a patch of wall_force in a safe success")
           .Otherwise("the innermost instrument")
           .Text("instrument", &AssessmentSpec::instrument,
-                "instrument for which hand speed and retractions are assessed")
+                "instrument that is assessed: its tip, and the speed and retractions of its hand")
           .Example(
               "target_centerline = \"lad\"\n"
               "target_at_mm = 95\n"
@@ -178,10 +181,15 @@ std::unique_ptr<Effect> MakeAssessment(const AssessmentSpec& spec, const EffectC
                        "this vessel has no centerlines; give vessel.centerlines, or remove "
                        "[effects.assessment]");
   }
+  const int instrument =
+      spec.instrument ? context.FindInstrument(*spec.instrument, spec, "instrument") : 0;
+  // An instrument that lies beside the others has its own entry.
+  const WireModel& assessed =
+      context.stack == nullptr ? context.wire : context.stack->instrument(instrument);
   const vessel::CenterlineNetwork& network = *context.centerlines;
   AssessmentTask task{[&] {
     try {
-      return network.Path(network.NearestTo(context.wire.sheath().point_mm),
+      return network.Path(network.NearestTo(assessed.sheath().point_mm),
                           network.Place(spec.target_centerline, spec.target_at_mm));
     } catch (const UserError& error) {
       spec.origin.Refuse("target_centerline", error.what());
@@ -189,11 +197,9 @@ std::unique_ptr<Effect> MakeAssessment(const AssessmentSpec& spec, const EffectC
   }()};
   task.target_radius_mm = spec.target_radius_mm;
   task.force_limit_mN = spec.force_limit_mN;
-  if (spec.instrument) {
-    task.instrument = context.FindInstrument(*spec.instrument, spec, "instrument");
-  }
+  task.instrument = instrument;
   return std::make_unique<Assessment>(std::move(task), *FindEarlier<WallForce>(context),
-                                      context.moving);
+                                      context.wire, context.moving);
 }
 
 }  // namespace

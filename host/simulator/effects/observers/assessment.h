@@ -1,9 +1,12 @@
 // Assessment of a trainee: the usual measures of endovascular skill.
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
+#include <utility>
 #include <vector>
 
+#include "host/simulator/core/wire_model.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/observers/speed_trace.h"
 #include "host/simulator/effects/observers/wall_force.h"
@@ -13,21 +16,22 @@ namespace torquer::effects {
 
 /// Criteria of a session.
 struct AssessmentTask {
-  vessel::Centerline route;     ///< from the entry to the target
+  vessel::Centerline route;     ///< from the instrument's entry to the target
   double target_radius_mm = 3;  ///< reached within this distance of the route's end
   double force_limit_mN = 0;    ///< of a single contact
-  int instrument = 0;           ///< the instrument whose hand is assessed
+  int instrument = 0;           ///< the instrument whose hand and tip are assessed
 };
 
-/// Measures of a session. The tip and the force count only in ticks that converged, so their
-/// measures are unknown (NaN) until then. The hand and the pedals count in all ticks.
+/// Measures of a session. Hand and tip are those of one instrument, whichever reaches farthest. The
+/// force is that of all instruments. The tip and the force count only in ticks that converged, so
+/// their measures are unknown (NaN) until then. The hand and the pedals count in all ticks.
 class Assessment final : public Effect, public Observer {
  public:
-  /// `moving`: the moving vessel, or null; the tip's path is measured relative to it. It and
-  /// `force` must outlive this.
-  Assessment(AssessmentTask task, const WallForce& force,
+  /// `rod`: that of all instruments. `moving`: the moving vessel, or null; the tip's path is
+  /// measured relative to it. These and `force` must outlive this.
+  Assessment(AssessmentTask task, const WallForce& force, const WireModel& rod,
              const vessel::MovingField* moving = nullptr)
-      : task_(std::move(task)), force_(force), moving_(moving) {}
+      : task_(std::move(task)), force_(force), rod_(rod), moving_(moving) {}
 
   Observer* observer() override { return this; }
   void Restart() override;
@@ -47,6 +51,7 @@ class Assessment final : public Effect, public Observer {
 
   const AssessmentTask task_;
   const WallForce& force_;
+  const WireModel& rod_;
   const vessel::MovingField* const moving_;
   SpeedTrace speed_;
   double time_s_ = 0;

@@ -57,8 +57,8 @@ void WallForce::AddContact(const PointSet& points, int q, Contacts& contacts) {
   contacts.radius_mm_mN.Add(begin_mm, begin_mm + length_mm, points.radius_mm[p] * force_mN);
   // The clearance decreases towards the wall, so the wire is pushed along its gradient.
   const double along = -sample.gradient.normalized().dot(points.Tangent(q));
-  if (!points.among.beside_farthest && begin_mm < settings_.patch_mm) {
-    axial_mN_ += std::max(0.0, along) * force_mN;
+  if (begin_mm - contacts.behind_mm < settings_.patch_mm) {
+    contacts.axial_mN += std::max(0.0, along) * force_mN;
   }
 }
 
@@ -78,12 +78,31 @@ void WallForce::Contacts::Clear() {
   force_mN.Clear();
   depth_mm2.Clear();
   radius_mm_mN.Clear();
+  axial_mN = 0;
+  behind_mm = std::numeric_limits<double>::infinity();
+  end_radius_mm = 1;
+}
+
+double WallForce::Contacts::TipPressureKPa() const {
+  return axial_mN / (std::numbers::pi * end_radius_mm * end_radius_mm);
+}
+
+// Finds the farthest tip of the curves within each other, and that of those beside them.
+void WallForce::FindTips(const TickView& tick) {
+  for (int c = 0; c < tick.state.curves(); ++c) {
+    const PointSet& points = tick.quadratic.curve(c).points;
+    Contacts& contacts = points.among.beside_farthest ? beside_contacts_ : contacts_;
+    if (points.size() == 0 || points.among.behind_farthest_mm >= contacts.behind_mm) continue;
+    contacts.behind_mm = points.among.behind_farthest_mm;
+    contacts.end_radius_mm = points.radius_mm.back();
+  }
 }
 
 void WallForce::FindForces(const TickView& tick) {
   contacts_.Clear();
   beside_contacts_.Clear();
-  sum_mN_ = axial_mN_ = 0;
+  sum_mN_ = 0;
+  FindTips(tick);
   // From the outermost curve inwards: an inner one touches the wall only beyond its mouth.
   for (int c = tick.state.curves() - 1; c >= 0; --c) {
     const PointSet& of_curve = tick.quadratic.curve(c).points;
@@ -97,10 +116,10 @@ void WallForce::FindForces(const TickView& tick) {
   largest_mN_ = std::max(patch.amount, beside.amount);
   pressure_kPa_ = beside.amount > patch.amount ? PressureOn(beside_contacts_, beside)
                                                : PressureOn(contacts_, patch);
-  tip_mN_ = contacts_.force_mN.Between(0, settings_.tip_mm);
-  const PointSet& points = tick.quadratic.curve(tick.state.FarthestCurve()).points;
-  const double radius_mm = points.size() == 0 ? 1 : points.radius_mm.back();
-  tip_pressure_kPa_ = axial_mN_ / (std::numbers::pi * radius_mm * radius_mm);
+  const double beside_mm = beside_contacts_.behind_mm;
+  tip_mN_ = std::max(contacts_.force_mN.Between(0, settings_.tip_mm),
+                     beside_contacts_.force_mN.Between(beside_mm, beside_mm + settings_.tip_mm));
+  tip_pressure_kPa_ = std::max(contacts_.TipPressureKPa(), beside_contacts_.TipPressureKPa());
 }
 
 void WallForce::Observe(const TickView& tick) {

@@ -12,9 +12,9 @@ namespace torquer::effects {
 /// Normal forces of the last tick, and number and duration of the times above a threshold.
 ///
 /// The force of a contact is that of a patch: the largest on any stretch of the wire with the patch
-/// length of the scene. So it does not depend on the segmentation of the wire. A tick that did not
-/// converge shows its forces, but they count for no peak, event or impulse. Its time is counted
-/// separately. Peaks, events and impulse are NaN until a tick has converged.
+/// length of the scene, on any instrument. So it does not depend on the segmentation of the wire. A
+/// tick that did not converge shows its forces, but they count for no peak, event or impulse. Its
+/// time is counted separately. Peaks, events and impulse are NaN until a tick has converged.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
@@ -32,14 +32,16 @@ class WallForce final : public Effect, public Observer {
 
   double largest_mN() const { return largest_mN_; }  ///< of a patch
   double sum_mN() const { return sum_mN_; }
-  double tip_mN() const { return tip_mN_; }  ///< total along the tip
+  /// Total along the tip. Of two wires beside each other, that of the tip with the larger force.
+  double tip_mN() const { return tip_mN_; }
   /// Mean force per length on the patch with the largest force.
   double line_load_mN_mm() const { return largest_mN_ / settings_.patch_mm; }
   /// Force per area on that patch: the line load over the width of the round wire in the wall. That
   /// width is 2 sqrt(2 r d - d^2) at the patch's mean depth d <= r.
   double pressure_kPa() const { return pressure_kPa_; }
   /// Axial pressure at the tip, which may perforate a wall. It is the component along the wire's
-  /// axis of the forces on the last patch, over the area of the wire's end, pi r^2.
+  /// axis of the forces on the last patch, over the area of the wire's end, pi r^2. Of two wires
+  /// beside each other, the larger one.
   double tip_pressure_kPa() const { return tip_pressure_kPa_; }
   /// Largest force of a patch since the start; NaN if no tick has converged.
   double largest_ever_mN() const { return Counted(peak_mN_); }
@@ -65,12 +67,17 @@ class WallForce final : public Effect, public Observer {
     return any_converged_ ? value : std::numeric_limits<double>::quiet_NaN();
   }
   void FindForces(const TickView& tick);
-  // Contacts of curves within each other, along the way from their farthest tip.
+  void FindTips(const TickView& tick);
+  // Contacts of curves within each other, along the way from the farthest tip of all curves.
   struct Contacts {
     SpreadAlong force_mN;
     SpreadAlong depth_mm2;
     SpreadAlong radius_mm_mN;
+    double axial_mN = 0;       // on the last patch, along the wire
+    double behind_mm = 0;      // distance of their farthest tip behind that of all curves
+    double end_radius_mm = 1;  // of the wire at that tip
     void Clear();
+    double TipPressureKPa() const;
   };
   void AddContact(const PointSet& points, int q, Contacts& contacts);
   double PressureOn(const Contacts& contacts, const SpreadAlong::Stretch& patch) const;
@@ -82,7 +89,6 @@ class WallForce final : public Effect, public Observer {
   double sum_mN_ = 0;
   double tip_mN_ = 0;
   double pressure_kPa_ = 0;
-  double axial_mN_ = 0;  // on the last patch, along the wire
   double tip_pressure_kPa_ = 0;
   double tip_pressure_peak_kPa_ = 0;
   double peak_mN_ = 0;

@@ -38,7 +38,7 @@ export class Examination {
     const target = this.lines !== null && this.lines.hash === this.scene?.hash ? this.lines.target : null;
     this.task.hidden = target === null || state === null;
     if (target === null || state === null) return;
-    const tip = state.instruments[0]?.tipMm ?? target.at_mm;
+    const tip = state.instruments[target.instrument]?.tipMm ?? target.at_mm;
     const leftMm = Math.hypot(...target.at_mm.map((value, axis) => value - tip[axis]!));
     setText(this.task.firstElementChild!, "Target");
     setData(this.task, "level", "");

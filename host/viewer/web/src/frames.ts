@@ -80,6 +80,7 @@ export interface Lines {
   curves: { name: string; points_mm: number[]; shares: number[][] }[];
   target: {
     at_mm: [number, number, number]; radius_mm: number; force_limit_mN: number; route_mm: number[]; route_shares: number[][];
+    instrument: number; // whose tip is to reach it
   } | null;
   motions: Motion[];
 }
