@@ -1,4 +1,5 @@
 // Observers of scenes whose instruments lie on several curves.
+#include <Eigen/Core>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstddef>
@@ -117,6 +118,24 @@ TEST_CASE("The instrument that the case everything asks for is the one that is a
     return;
   }
   FAIL("no assessment");
+}
+
+TEST_CASE("Forces along a wire leave out the wall's forces on a wire beside it") {
+  const std::string bent = "tip_mm = 10\ntip_angle_deg = 90\n";
+  SceneOf scene(kFork + bent + kBuddy +
+                "[effects.wall_force]\nthreshold_mN = 100\n[effects.internal_forces]\n");
+  simulator::Simulation session(*scene);
+  Move(session, 0, 61);
+  // Sum of the forces' magnitudes along the curve that reaches farthest.
+  const auto sum_mN = [&] {
+    double sum = 0;
+    for (const Eigen::Vector3d& force_N : session.forces()->contact_N) sum += 1e3 * force_N.norm();
+    return sum;
+  };
+  CHECK(Reading(session, "wall_force_sum_mN") > 0.5);
+  CHECK(sum_mN() == 0);  // the longer wire is straight
+  Move(session, 1, 50);
+  CHECK(sum_mN() == Approx(Reading(session, "wall_force_sum_mN")).epsilon(0.01));
 }
 
 }  // namespace

@@ -37,7 +37,8 @@ struct CurveLoads {
 
 /// Internal forces at the nodes, one entry per node 0 .. n. They are sums over all instruments on
 /// the curve that reaches farthest. Wall contacts are those of the outermost instrument at the
-/// node. Internal forces and moments are those of the part distal of the node on the proximal part.
+/// node, without those of a wire beside it. Internal forces and moments are those of the part
+/// distal of the node on the proximal part.
 struct InternalForces {
   std::vector<Eigen::Vector3d>
       contact_N;                       ///< force of the wall on the wire: normal force and friction
