@@ -155,7 +155,7 @@ struct StepReport {
   bool converged = false;     ///< relaxed to the scene's tolerance
   bool budget_spent = false;  ///< the budget ended the last tick: motion is carried over
   bool stalled = false;       ///< ended out of balance: no step came nearer to it
-  bool snapped = false;       ///< the tip moved much farther than the hands, in a tick
+  bool snapped = false;       ///< a tip moved much farther than the hands, in a tick
   bool finished = true;       ///< false: `after_tick` ended the step early
 };
 

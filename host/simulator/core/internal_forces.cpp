@@ -108,14 +108,14 @@ void FindContacts(const QuadraticModel& at, int curve, InternalForces& out) {
   const int curves = 1 + static_cast<int>(at.around.size());
   // The wall presses a wire beside this one at another place.
   for (int c = 0; c < curves; ++c) {
-    if (!at.curve(c).points.beside_farthest) AddContacts(own, at.curve(c), force);
+    if (!at.curve(c).points.among.beside_farthest) AddContacts(own, at.curve(c), force);
   }
   for (std::size_t i = 0; i < force.size(); ++i) {
     out.line_load_N_mm[i] = length_mm[i] > 0 ? force[i].norm() / length_mm[i] : 0;
   }
   for (int c = 0; c < curves; ++c) {
     const PointSet& points = at.curve(c).points;
-    if (points.beside_farthest) continue;
+    if (points.among.beside_farthest) continue;
     for (int q = 0; q < points.size(); ++q) {
       const Vector3d& gradient_N =
           out.friction[static_cast<std::size_t>(c)].gradient[static_cast<std::size_t>(q)];

@@ -1,6 +1,8 @@
 #include "host/simulator/core/relaxation.h"
 
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 namespace torquer {
 
@@ -13,10 +15,20 @@ bool Grant(WorkBudget& budget, TickReport& report) {
   return true;
 }
 
-// True if the tip moved much farther than the hands explain. A turn moves a bent tip by its length
+// Tip of each curve.
+using Tips = std::array<Eigen::Vector3d, kMostInstruments>;
+
+Tips TipsOf(const WireState& state) {
+  Tips tips;
+  for (int c = 0; c < state.curves(); ++c) {
+    tips[static_cast<std::size_t>(c)] = state.curve(c).tip();
+  }
+  return tips;
+}
+
+// True if a tip moved much farther than the hands explain. A turn moves a bent tip by its length
 // times the angle in radians, and 10 mm is a long tip.
-bool Snapped(const Eigen::Vector3d& tip_before, const InstrumentPoses& before,
-             const WireState& state) {
+bool Snapped(const Tips& before_mm, const InstrumentPoses& before, const WireState& state) {
   constexpr double kBentTipMm = 10;
   double hands_mm = 0;
   for (int k = 0; k < before.size(); ++k) {
@@ -24,7 +36,11 @@ bool Snapped(const Eigen::Vector3d& tip_before, const InstrumentPoses& before,
     hands_mm += std::abs(now.insertion_mm - before[k].insertion_mm) +
                 kBentTipMm * std::abs(now.rotation_rad - before[k].rotation_rad);
   }
-  return (state.tip() - tip_before).norm() > 3 * hands_mm + 0.5;
+  const Tips now_mm = TipsOf(state);
+  for (std::size_t c = 0; c < static_cast<std::size_t>(state.curves()); ++c) {
+    if ((now_mm[c] - before_mm[c]).norm() > 3 * hands_mm + 0.5) return true;
+  }
+  return false;
 }
 
 InstrumentPoses Left(const InstrumentPoses& goal, const InstrumentPoses& here) {
@@ -46,7 +62,7 @@ double Relaxation::EnergyMJ(const WireState& state) const {
 
 TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, WireState& state) {
   TickReport report;
-  const Eigen::Vector3d tip_before = state.tip();
+  const Tips tips_before_mm = TipsOf(state);
   const InstrumentPoses poses_before = state.poses();
   const InstrumentPoses goal = stack_.Bounded(target);
 
@@ -72,7 +88,7 @@ TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, W
   report.converged = report.converged && at_rest;
   report.budget_spent = !settled;
   report.carried = Left(goal, state.poses());
-  report.snapped = Snapped(tip_before, poses_before, state);
+  report.snapped = Snapped(tips_before_mm, poses_before, state);
   return report;
 }
 

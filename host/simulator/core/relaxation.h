@@ -49,7 +49,7 @@ struct TickReport {
   bool converged = false;     ///< residual within the tolerance after relaxing
   bool budget_spent = false;  ///< ended by the budget: motion remains or the wire is not at rest
   bool stalled = false;  ///< ended out of equilibrium: no step that was tried came closer to it
-  bool snapped = false;  ///< the tip moved much farther than the hands
+  bool snapped = false;  ///< the tip of a curve moved much farther than the hands
   /// Remaining motion of each instrument, positive if the hand is ahead. Insertion targets are
   /// limited to 0 .. the instrument's length.
   InstrumentPoses carried;
