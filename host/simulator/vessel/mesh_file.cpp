@@ -13,6 +13,8 @@
 #include <sstream>
 #include <string_view>
 
+#include "host/simulator/vessel/obj_file.h"
+#include "host/simulator/vessel/stl_file.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
 
@@ -49,10 +51,8 @@ void AddMeshes(const aiScene& scene, const aiNode& node, const aiMatrix4x4& abov
   }
 }
 
-// Assimp's time grows with the square of these numbers.
+// Assimp's time grows with the square of this number.
 constexpr std::size_t kMostPlyHeaderLines = 1000;
-constexpr std::size_t kMostObjNames = 10'000;    // of objects and materials
-constexpr std::size_t kMostObjLibraries = 1000;  // files of materials
 // The time to triangulate a face grows with the square of its corners.
 constexpr unsigned kMostCorners = 1000;
 
@@ -134,39 +134,6 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_by
   }
 }
 
-// A complete text STL ends with "endsolid".
-void CheckStlIsWhole(const std::string& path, std::istream& file) {
-  std::string line, last;
-  std::getline(file, line);
-  // Binary files may begin with "solid", too.
-  if (line.rfind("solid", 0) != 0 || !std::isspace(file.peek())) return;
-  while (std::getline(file, line)) {
-    if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;
-  }
-  if (last.find("endsolid") == std::string::npos) {
-    RefuseMesh(path, std::string("the file does not end with \"endsolid\"") + kCutShort);
-  }
-}
-
-void CheckObjNames(const std::string& contents, const std::string& path) {
-  std::set<std::string_view> names;
-  size_t libraries = 0;
-  for (size_t at = 0; at < contents.size();) {
-    const size_t end = std::min(contents.find_first_of("\n\r", at), contents.size());
-    const std::string_view line(contents.data() + at, end - at);
-    if (line.starts_with("o") || line.starts_with("usemtl")) names.insert(line);
-    if (line.starts_with("mtllib")) ++libraries;
-    if (names.size() > kMostObjNames || libraries > kMostObjLibraries) {
-      RefuseMesh(path, names.size() > kMostObjNames
-                           ? "the file has more than " + std::to_string(kMostObjNames) +
-                                 " objects and materials; join them and export it again"
-                           : "the file names more than " + std::to_string(kMostObjLibraries) +
-                                 " files of materials; export it again without materials");
-    }
-    at = end + 1;
-  }
-}
-
 // OBJ does not state its length. The file was cut if its last line is unterminated and some
 // vertices belong to no face.
 void CheckObjIsWhole(const std::string& path, std::istream& file) {
@@ -197,11 +164,28 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
 void CheckIsWhole(const std::string& contents, const std::string& path, const std::string& ending) {
   std::istringstream file(contents);
   if (ending == ".ply") CheckPlyIsWhole(path, file, contents.size());
-  if (ending == ".stl") CheckStlIsWhole(path, file);
-  if (ending == ".obj") {
-    CheckObjNames(contents, path);
-    CheckObjIsWhole(path, file);
+  if (ending == ".obj") CheckObjIsWhole(path, file);
+}
+
+// Assimp's words without its name for a file in memory.
+std::string Reason(std::string error) {
+  constexpr std::string_view kInnerName = "$$$___magic___$$$";
+  for (size_t at = error.find(kInnerName); at != std::string::npos; at = error.find(kInnerName)) {
+    error.replace(at, kInnerName.size(), "the file");
   }
+  return error;
+}
+
+void CheckHasTriangles(const std::string& path, bool has) {
+  if (has) return;
+  RefuseMesh(path, "the file holds no triangles; export the vessel as a surface mesh");
+}
+
+bool HasPolygons(const aiScene& scene) {
+  return std::any_of(scene.mMeshes, scene.mMeshes + scene.mNumMeshes, [](const aiMesh* part) {
+    return std::any_of(part->mFaces, part->mFaces + part->mNumFaces,
+                       [](const aiFace& face) { return face.mNumIndices > 2; });
+  });
 }
 
 void CheckIndices(const std::string& path, const aiScene& scene) {
@@ -223,6 +207,32 @@ void CheckIndices(const std::string& path, const aiScene& scene) {
   }
 }
 
+TriangleMesh ParseByAssimp(const std::string& contents, const std::string& path,
+                           const std::string& ending, double mm_per_unit) {
+  CheckIsWhole(contents, path, ending);
+  Assimp::Importer importer;
+  importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE,
+                              aiPrimitiveType_POINT | aiPrimitiveType_LINE);
+  const std::string taken = ending == ".obj" ? OnlyFaces(contents) : contents;
+  CheckHasTriangles(
+      path, ending != ".obj" || taken.starts_with("f ") || taken.find("\nf ") != std::string::npos);
+  const aiScene* scene =
+      importer.ReadFileFromMemory(taken.data(), taken.size(), 0, ending.c_str() + 1);
+  if (scene != nullptr) {
+    // Assimp's postprocessing does not check indices.
+    CheckIndices(path, *scene);
+    CheckHasTriangles(path, HasPolygons(*scene));
+    scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType);
+  }
+  if (scene == nullptr || scene->mRootNode == nullptr) {
+    RefuseMesh(path,
+               "not a readable surface (" + Reason(importer.GetErrorString()) + ")" + kCutShort);
+  }
+  TriangleMesh mesh;
+  AddMeshes(*scene, *scene->mRootNode, aiMatrix4x4(), mm_per_unit, mesh);
+  return mesh;
+}
+
 }  // namespace
 
 TriangleMesh ParseMesh(const std::string& contents, const std::string& path, double mm_per_unit) {
@@ -234,26 +244,9 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
                          ending +
                          "\"; convert it (MeshLab, Blender and 3D Slicer export all three)");
   }
-  CheckIsWhole(contents, path, ending);
-  Assimp::Importer importer;
-  importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE,
-                              aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  const aiScene* scene =
-      importer.ReadFileFromMemory(contents.data(), contents.size(), 0, ending.c_str() + 1);
-  if (scene != nullptr) {
-    // Assimp's postprocessing does not check indices.
-    CheckIndices(path, *scene);
-    scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType);
-  }
-  if (scene == nullptr || scene->mRootNode == nullptr) {
-    RefuseMesh(path, std::string("not a readable surface (") + importer.GetErrorString() + ")" +
-                         kCutShort);
-  }
-  TriangleMesh mesh;
-  AddMeshes(*scene, *scene->mRootNode, aiMatrix4x4(), mm_per_unit, mesh);
-  if (mesh.triangles.empty()) {
-    RefuseMesh(path, "the file holds no triangles; export the vessel as a surface mesh");
-  }
+  TriangleMesh mesh = ending == ".stl" ? ParseStl(contents, path, mm_per_unit)
+                                       : ParseByAssimp(contents, path, ending, mm_per_unit);
+  CheckHasTriangles(path, !mesh.triangles.empty());
   for (const auto& triangle : mesh.triangles) {
     for (const int32_t vertex : triangle) {
       if (!mesh.vertices_mm[vertex].allFinite()) {

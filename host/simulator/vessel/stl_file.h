@@ -1,0 +1,16 @@
+// STL file: triangles from text and binary files, as programs write them: in capitals, with a blank
+// first line, with several solids, or with a few bytes behind the triangles.
+#pragma once
+
+#include <string>
+
+#include "host/simulator/vessel/triangle_mesh.h"
+
+namespace torquer::vessel {
+
+/// Triangles of an STL file; vertices are not welded. `path` names the file in messages. Throws
+/// UserError naming file, place and remedy if the file is cut short or no STL. Takes time in
+/// proportion to the file's size.
+TriangleMesh ParseStl(const std::string& contents, const std::string& path, double mm_per_unit);
+
+}  // namespace torquer::vessel
