@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <utility>
 
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/mesh_import.h"
@@ -83,6 +84,23 @@ TEST_CASE("open ends are closed and listed as the natural entries") {
     CHECK(opening.radius_mm == Approx(3).epsilon(0.02));
   }
   CHECK_THAT(Said(surface.report), Contains("Open end of radius") && Contains("(40.0, "));
+}
+
+TEST_CASE("open ends of a surface with inward normals lead into the vessel, too") {
+  TriangleMesh inward = MakeTubeMesh(), across = MakeTubeMesh();
+  TurnInsideOut(inward);
+  for (Vector3d& v : across.vertices_mm) v = Vector3d(20 - v.y(), v.x() - 20, v.z());
+  TriangleMesh cross = inward;
+  Append(cross, across);
+  for (const auto& [mesh, ends] : {std::pair(inward, 2), std::pair(cross, 4)}) {
+    const SurfaceMesh surface = RepairSurface(mesh, "x");
+    CHECK(surface.report.openings.size() == static_cast<size_t>(ends));
+    for (const Opening& opening : surface.report.openings) {
+      const Vector3d outward = (opening.center_mm - Vector3d(20, 0, 0)) / 20;
+      CHECK((opening.outward - outward).norm() < 1e-3);
+      CHECK((opening.inward + outward).norm() < 1e-2);
+    }
+  }
 }
 
 TEST_CASE("a small hole in the wall is closed, and said") {

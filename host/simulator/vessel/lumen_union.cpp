@@ -40,6 +40,8 @@ constexpr double kLeastSaid = 1e-6;
 // A region is a sheet if its winding numbers deviate on average more than this from integers.
 constexpr double kSheet = 0.25;
 constexpr size_t kSheetSamples = 64;
+// Distance from an opening's cap, in its radii, at which a point lies clearly beside it.
+constexpr double kBesideCap = 0.05;
 // Largest number of face pairs that the report counts.
 constexpr size_t kMostCounted = 1'000'000;
 
@@ -349,11 +351,25 @@ void Report(const United& united, const TriangleMesh& before,
   }
 }
 
+// Turns openings whose caps faced into the lumen before their part was turned inside out.
+void FaceOutward(std::vector<Opening>& openings, const TriangleBvh& surface) {
+  for (Opening& opening : openings) {
+    const Vector3d step = kBesideCap * opening.radius_mm * opening.outward;
+    if (surface.WindingNumber(opening.center_mm + step) <=
+        surface.WindingNumber(opening.center_mm - step)) {
+      continue;
+    }
+    opening.outward = -opening.outward;
+    opening.inward = -opening.inward;
+  }
+}
+
 }  // namespace
 
 void Unite(SurfaceMesh& surface, const std::string& name) {
   MeshReport& report = surface.report;
   const TriangleBvh before(surface.mesh);
+  FaceOutward(report.openings, before);
   const auto cuts = before.FindIntersections(kMostCounted);
   int parts = 0;
   repair::Parts(before.mesh(), &parts);
@@ -377,8 +393,9 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
   report.left_out_mm2 += united.sheets.Area() + united.inner.Area();
   Append(surface.left_out, united.sheets);
   Append(surface.left_out, united.inner);
+  FaceOutward(report.openings, *united.walls);
   std::erase_if(report.openings, [&](const Opening& opening) {
-    const Vector3d step = 0.05 * opening.radius_mm * opening.outward;
+    const Vector3d step = kBesideCap * opening.radius_mm * opening.outward;
     return united.walls->WindingNumber(opening.center_mm + step) > 0.5 ||
            united.walls->WindingNumber(opening.center_mm - step) < 0.5;
   });
