@@ -239,6 +239,15 @@ TEST_CASE("doubled and flat triangles are left out, and said") {
   CheckIsTube(surface, 40, 3);
 }
 
+TEST_CASE("a flat sheet is refused, for it encloses nothing") {
+  TriangleMesh sheet;
+  sheet.vertices_mm = {{0, 0, 0}, {9, 0, 0}, {0, 9, 0}, {9, 9, 0}};
+  sheet.triangles = {{0, 1, 2}};
+  CHECK_THROWS_WITH(RepairSurface(sheet, "x"), Contains("x: the surface encloses no volume"));
+  sheet.triangles.push_back({1, 3, 2});
+  CHECK_THROWS_WITH(RepairSurface(sheet, "x"), Contains("x: the surface encloses no volume"));
+}
+
 TEST_CASE("a one-sided surface is refused") {
   // Moebius band of 40 steps, 5 mm wide on a circle of 30 mm.
   TriangleMesh band;

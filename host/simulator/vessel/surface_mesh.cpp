@@ -29,6 +29,8 @@ constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
 constexpr double kFarthestMm = 1e6;
 // Largest area share of a hole in the wall: one of the file, and one left around the inner side.
 constexpr double kFileHoleShare = 0.01, kInnerHoleShare = 0.05;
+// Least volume of a lumen, in areas to the power 3/2; a wire's tube of 1 m and 0.3 mm has 3e-6.
+constexpr double kLeastVolume = 1e-8;
 // Tube-facing share of the area: from kWallShare on a surface is a wall, up to kLumenShare a lumen.
 constexpr double kWallShare = 0.25, kLumenShare = 0.1;
 
@@ -39,6 +41,14 @@ void Close(SurfaceMesh& surface, const std::string& name, double tolerance_mm,
   repair::PointOutward(surface.mesh, surface.report);
   repair::CountCrossedEdges(surface.mesh, surface.report);
   Unite(surface, name);
+}
+
+// A flat sheet, closed by its own cap, balances at every edge.
+void CheckEncloses(const MeshReport& report, const std::string& name) {
+  if (report.volume_mm3 > kLeastVolume * std::pow(report.area_mm2, 1.5)) return;
+  throw UserError(name + ": the surface encloses no volume (" + Number(report.volume_mm3) +
+                  " mm^3 within " + Number(report.area_mm2) +
+                  " mm^2), like a flat sheet; export the lumen's closed surface");
 }
 
 // Measures wall-to-wall widths along inward normals, weighted by area.
@@ -190,6 +200,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   report.bounds_mm = mesh.Bounds();
   report.area_mm2 = mesh.Area();
   report.volume_mm3 = mesh.Volume();
+  CheckEncloses(report, name);
   report.findings.push_back("Lumen of " + Number(report.volume_mm3) + " mm^3, " +
                             Number(report.width_mm[0]) + " to " + Number(report.width_mm[2]) +
                             " mm wide (median " + Number(report.width_mm[1]) + " mm).");
