@@ -219,10 +219,56 @@ TEST_CASE("a Slicer curve is read with its radii") {
   const CurveFile file = MarkupsFile(
       Markups(std::string(kTwoPoints) + R"(, {"position": [5,5,5], "positionStatus": "undefined"})",
               "1.5, 2.5, 0"));
-  const Centerline curve = ParseSlicerCurve(file, 2);
+  const Centerline curve = ParseSlicerCurve(file);
   CHECK(curve.name() == "curve");
-  CHECK(curve.length_mm() == Approx(18));
-  CHECK(curve.At(18).radius_mm == Approx(5));
+  CHECK(curve.length_mm() == Approx(9));
+  CHECK(curve.At(9).radius_mm == Approx(2.5));
+}
+
+TEST_CASE("the units that a Slicer curve names are taken") {
+  const std::string in_cm =
+      Markups(kTwoPoints, "0.1, 0.2", R"("type": "Curve", "coordinateUnits": "cm",)");
+  const Centerline curve = ParseSlicerCurve(MarkupsFile(in_cm));
+  CHECK(curve.length_mm() == Approx(90));
+  CHECK(curve.At(90).radius_mm == Approx(2));
+  const auto named = [&](const std::string& unit) {
+    std::string file = Markups(kTwoPoints, "0.1, 0.2");
+    return MarkupsFile(
+        file.replace(file.find(R"("controlPointV)"), 0, R"("units": ")" + unit + "\", "));
+  };
+  CHECK(ParseSlicerCurve(named("cm")).At(9).radius_mm == Approx(2));
+  CHECK(ParseSlicerCurve(named("mm")).At(9).radius_mm == Approx(0.2));
+  CHECK_THROWS_WITH(ParseSlicerCurve(named("px")),
+                    Contains("measurements[\"Radius\"].units is \"px\", not a known unit"));
+}
+
+TEST_CASE("curves are brought into the space that a surface file names") {
+  const auto in = [](const std::string& name, const std::string& space) {
+    return CurveFile{name + ".mrk.json",
+                     Markups(R"({"position": [1, 2, 3]}, {"position": [1, 2, 9]})", "1, 2",
+                             R"("type": "Curve", "coordinateSystem": ")" + space + "\",")};
+  };
+  std::vector<std::string> findings;
+  const auto start = [&](const std::string& curve_space, const std::string& surface) {
+    return ParseSlicerCurves({in("a", curve_space)}, SpaceOfSurface(surface), &findings)
+        .curves()[0]
+        .At(0)
+        .position_mm;
+  };
+  const Eigen::Vector3d same(1, 2, 3), turned(-1, -2, 3);
+  CHECK(start("LPS", "# 3D Slicer output. SPACE=LPS\nv 0 0 0\n") == same);
+  CHECK(start("LPS", "v 0 0 0\n") == same);
+  CHECK(start("RAS", "v 0 0 0\n") == same);
+  CHECK(findings.empty());
+  CHECK(start("LPS", "# 3D Slicer output. SPACE=RAS\nv 0 0 0\n") == turned);
+  CHECK(start("RAS", "3D Slicer output. SPACE=LPS") == turned);
+  REQUIRE(findings.size() == 2);
+  CHECK(findings[1] ==
+        "centerline a is in RAS and the surface in LPS: the signs of its x and y are changed");
+  CHECK_THROWS_WITH(
+      ParseSlicerCurves({in("a", "LPS"), in("b", "RAS")}),
+      Contains("b.mrk.json: field markups[0].coordinateSystem is \"RAS\", but \"LPS\" in a"));
+  CHECK_THROWS_WITH(ParseSlicerCurve(in("a", "IJK")), Contains("coordinateSystem is \"IJK\""));
 }
 
 TEST_CASE("a centerline file that nests deeper than the stack is refused") {
@@ -253,7 +299,7 @@ TEST_CASE("broken centerline files are refused by file, field, value and remedy"
   refused(R"({"markups": []})", "0 curves");
   refused(R"({"markups": [3]})", "markups[0].type is missing");
   refused(Markups(kTwoPoints, "1, 2", R"("type": "Fiducial",)"), "\"Fiducial\"");
-  refused(Markups(kTwoPoints, "1, 2", R"("type": "Curve", "coordinateUnits": "cm",)"), "\"cm\"");
+  refused(Markups(kTwoPoints, "1, 2", R"("type": "Curve", "coordinateUnits": "km",)"), "\"km\"");
   refused(Markups(kTwoPoints, "1"), "1 entries for 2");
   refused(Markups(kTwoPoints, "1, -2"), "controlPointValues[1] is -2");
   refused(Markups(kTwoPoints, "1, null"), "controlPointValues[1] is null");

@@ -174,8 +174,20 @@ TEST_CASE("meters are neither guessed nor passed over") {
   CHECK_THROWS_WITH(ReadSurface(folder.Path("millimeters.obj"), MeshUnit::kMeter),
                     Contains("mesh_unit = \"mm\""));
   CheckIsTube(ReadSurface(folder.Path("meters.obj"), MeshUnit::kMeter), 40, 3);
-  CHECK(MeshUnitFromText("m") == MeshUnit::kMeter);
-  CHECK_THROWS_WITH(MeshUnitFromText("inch"), Contains("inch"));
+  for (const auto& [unit, mm] :
+       {std::pair(MeshUnit::kCentimeter, 10.0), std::pair(MeshUnit::kMicrometer, 0.001),
+        std::pair(MeshUnit::kInch, 25.4)}) {
+    WriteObj(folder.Path("other.obj"), tube, 1 / mm);
+    CheckIsTube(ReadSurface(folder.Path("other.obj"), unit), 40, 3);
+  }
+  // The advice names each unit that would load, and none that would not.
+  WriteObj(folder.Path("small.obj"), tube, 0.1);
+  CHECK_THROWS_WITH(ReadSurface(folder.Path("small.obj"), MeshUnit::kMillimeter),
+                    Contains("\"cm\" if that is 40 x 6 x 6 mm, or \"in\" if that is 101.6 x") &&
+                        !Contains("\"m\""));
+  WriteObj(folder.Path("micrometers.obj"), tube, 1000);
+  CHECK_THROWS_WITH(ReadSurface(folder.Path("micrometers.obj"), MeshUnit::kMillimeter),
+                    Contains("mesh_unit = \"um\" if that is 40 x 6 x 6 mm") && !Contains("\"mm\""));
 }
 
 TEST_CASE("fragments hanging on by an edge of three faces are left out, and said") {

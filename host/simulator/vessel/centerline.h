@@ -2,11 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/vessel/patient_space.h"
 
 namespace torquer::vessel {
 
@@ -120,12 +122,17 @@ std::vector<CurveFile> ReadCurveFiles(const std::string& folder);
 
 /// Curve of a 3D Slicer Markups file (.mrk.json) with its "Radius" measurement.
 ///
-/// Coordinates are multiplied by mm_per_unit and not transformed: the file has the frame of its
-/// surface. Throws UserError naming the file, the field, the value and the remedy.
-Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit = 1);
+/// Coordinates are in the file's coordinateUnits, radii in their units, and otherwise in mm. They
+/// are brought into the space of the surface if both the file and `surface` name one. Throws
+/// UserError naming the file, the field, the value and the remedy.
+Centerline ParseSlicerCurve(const CurveFile& file, std::optional<PatientSpace> surface = {});
 
-/// Network of the curves of several such files.
-CenterlineNetwork ParseSlicerCurves(const std::vector<CurveFile>& files, double mm_per_unit = 1);
+/// Network of the curves of several such files; `findings` gets a sentence for each that was
+/// brought into another space. Throws UserError if the files name different spaces and `surface` is
+/// none.
+CenterlineNetwork ParseSlicerCurves(const std::vector<CurveFile>& files,
+                                    std::optional<PatientSpace> surface = {},
+                                    std::vector<std::string>* findings = nullptr);
 
 /// A curve moved into the middle of the lumen.
 struct CenteredCurve {

@@ -84,8 +84,6 @@ std::vector<EntryProposal> ProposeEntries(const SurfaceMesh& surface) {
   return entries;
 }
 
-const char* Text(MeshUnit unit) { return unit == MeshUnit::kMeter ? "m" : "mm"; }
-
 std::string Text(const Vector3d& v, int digits) {
   return fmt::format("{:.{}f} x {:.{}f} x {:.{}f}", v.x(), digits, v.y(), digits, v.z(), digits);
 }
@@ -108,10 +106,9 @@ MeshCheck CheckMesh(const std::string& contents, const std::string& path) {
     check.triangles_read = check.raw.triangles.size();
     check.size = check.raw.Bounds().sizes();
     check.unit = GuessUnit(check.raw);
-    if (check.unit == MeshUnit::kMeter) {
-      for (Vector3d& vertex : check.raw.vertices_mm) vertex *= 1000;
-    }
-    CheckSize(check.raw, path);
+    const MeshUnit unit = check.unit.value_or(MeshUnit::kMillimeter);
+    for (Vector3d& vertex : check.raw.vertices_mm) vertex *= UnitOf(unit).mm;
+    CheckSize(check.raw, path, unit);
     TriangleMesh file = check.raw;
     MeshReport welding;
     repair::Weld(check.raw, WeldToleranceMm(check.raw), welding);
@@ -119,7 +116,7 @@ MeshCheck CheckMesh(const std::string& contents, const std::string& path) {
     check.vertices_welded = welding.vertices_welded;
     check.edges = repair::FindEdgeFaults(check.raw);
     repair::Parts(check.raw, &check.components);
-    check.surface = RepairSurface(std::move(file), path);
+    check.surface = RepairSurface(std::move(file), path, unit);
     check.entries = ProposeEntries(*check.surface);
   } catch (const UserError& error) {
     check.refusal = error.what();
@@ -138,11 +135,11 @@ std::string DescribeCheck(const MeshCheck& check) {
                      check.triangles_read, check.raw.vertices_mm.size(), check.vertices_welded));
     const Vector3d& size = check.size;
     std::string unit =
-        fmt::format("{:.4g} x {:.4g} x {:.4g}, which is not the size of a vessel in mm or m",
+        fmt::format("{:.4g} x {:.4g} x {:.4g}, which is not the size of a vessel in any unit",
                     size.x(), size.y(), size.z());
     if (check.unit) {
       unit = fmt::format("{:.4g} x {:.4g} x {:.4g}, interpreted as {}; the vessel measures {} mm",
-                         size.x(), size.y(), size.z(), Text(*check.unit),
+                         size.x(), size.y(), size.z(), UnitOf(*check.unit).name,
                          Text(check.raw.Bounds().sizes(), 1));
     }
     line("size", unit);
@@ -176,7 +173,7 @@ std::string ProposeScene(const MeshCheck& check) {
       "[vessel]\nkind = \"surface\"\nfile = {}\nmesh_unit = \"{}\"\nvoxel_mm = {:g}\n"
       "wall_stiffness_N_mm2 = 10\n",
       key_values::Write(Key{}, std::filesystem::path(check.path).filename().string()),
-      Text(*check.unit), ProposeVoxel(check.surface->report));
+      UnitOf(*check.unit).name, ProposeVoxel(check.surface->report));
   for (std::size_t i = 0; i < check.entries.size(); ++i) {
     const auto& [point_mm, direction, room_mm] = check.entries[i];
     const char* const comment = i == 0 ? "" : "# ";

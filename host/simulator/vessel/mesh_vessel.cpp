@@ -122,7 +122,7 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
     // Messages about the file contain its path.
     key.Add(path.data(), path.size());
     key.Add(contents.data(), contents.size());
-    key.Add(options.unit == MeshUnit::kMeter ? 1000 : 1);
+    key.Add(UnitOf(options.unit).mm);
     key.Add(options.field.voxel_mm);
     key.Add(options.field.band_mm);
     key.Add(options.field.margin_mm);

@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <utility>
 
 #include "host/simulator/vessel/lumen_extraction.h"
@@ -41,6 +40,27 @@ void Close(SurfaceMesh& surface, const std::string& name, double tolerance_mm,
   repair::PointOutward(surface.mesh, surface.report);
   repair::CountCrossedEdges(surface.mesh, surface.report);
   Unite(surface, name);
+}
+
+bool IsVessel(double diagonal_mm) {
+  return diagonal_mm >= kSmallestDiagonalMm && diagonal_mm <= kLargestDiagonalMm;
+}
+
+std::string Sizes(const Vector3d& sizes) {
+  return Number(sizes.x()) + " x " + Number(sizes.y()) + " x " + Number(sizes.z());
+}
+
+// Remedy for a surface of another size than a vessel: each unit that makes it one.
+std::string OtherUnits(const Vector3d& file_sizes) {
+  std::string units;
+  for (const LengthUnit& unit : kLengthUnits) {
+    const Vector3d sizes = unit.mm * file_sizes;
+    if (!IsVessel(sizes.norm())) continue;
+    units += (units.empty() ? "\"" : ", or \"") + std::string(unit.name) + "\" if that is " +
+             Sizes(sizes) + " mm";
+  }
+  return units.empty() ? "scale it to millimeters"
+                       : "declare the unit of its coordinates, mesh_unit = " + units;
 }
 
 // A flat sheet, closed by its own cap, balances at every edge.
@@ -91,24 +111,17 @@ Vector3d InwardAxis(const TriangleMesh& mesh, const Opening& opening) {
 
 }  // namespace
 
-MeshUnit MeshUnitFromText(const std::string& text) {
-  if (text == "mm") return MeshUnit::kMillimeter;
-  if (text == "m") return MeshUnit::kMeter;
-  throw UserError("mesh_unit = \"" + text + "\" is unknown; give \"mm\" or \"m\"");
-}
+const LengthUnit& UnitOf(MeshUnit unit) { return kLengthUnits.at(static_cast<size_t>(unit)); }
 
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file) {
   const double diagonal = file.Bounds().diagonal().norm();
-  const auto is_plausible = [diagonal](double mm_per_unit) {
-    const double mm = mm_per_unit * diagonal;
-    return mm >= kSmallestDiagonalMm && mm <= kLargestDiagonalMm;
-  };
-  if (is_plausible(1)) return MeshUnit::kMillimeter;
-  if (is_plausible(1000)) return MeshUnit::kMeter;
+  for (size_t k = 0; k < kLengthUnits.size(); ++k) {
+    if (IsVessel(diagonal * kLengthUnits[k].mm)) return static_cast<MeshUnit>(k);
+  }
   return std::nullopt;
 }
 
-void CheckSize(const TriangleMesh& mesh, const std::string& name) {
+void CheckSize(const TriangleMesh& mesh, const std::string& name, MeshUnit unit) {
   const Eigen::AlignedBox3d box = mesh.Bounds();
   const double far_mm = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
   if (far_mm > kFarthestMm) {
@@ -116,20 +129,10 @@ void CheckSize(const TriangleMesh& mesh, const std::string& name) {
                     " mm from the origin, and coordinates beyond 1 km are too coarse for a vessel; "
                     "move it to the origin");
   }
-  const double diagonal = box.diagonal().norm();
-  if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
-  std::ostringstream text;
-  text << name << ": the surface is " << Number(box.sizes().x()) << " x " << Number(box.sizes().y())
-       << " x " << Number(box.sizes().z())
-       << " mm, which is not the size of a vessel (diagonal 5 to 4000 mm); ";
-  if (diagonal < kSmallestDiagonalMm && diagonal * 1000 >= kSmallestDiagonalMm) {
-    text << "if the file is in meters, declare mesh_unit = \"m\"";
-  } else if (diagonal > kLargestDiagonalMm && diagonal / 1000 <= kLargestDiagonalMm) {
-    text << "if the file is in millimeters, declare mesh_unit = \"mm\"";
-  } else {
-    text << "scale it to millimeters";
-  }
-  throw UserError(text.str());
+  if (IsVessel(box.diagonal().norm())) return;
+  throw UserError(name + ": the surface is " + Sizes(box.sizes()) +
+                  " mm, which is not the size of a vessel (diagonal 5 to 4000 mm); " +
+                  OtherUnits(box.sizes() / UnitOf(unit).mm));
 }
 
 double WeldToleranceMm(const TriangleMesh& mesh) {
@@ -141,17 +144,17 @@ SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit) {
 }
 
 SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, MeshUnit unit) {
-  return RepairSurface(ImportMesh(contents, path, unit == MeshUnit::kMeter ? 1000 : 1), path);
+  return RepairSurface(ImportMesh(contents, path, UnitOf(unit).mm), path, unit);
 }
 
-SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
+SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name, MeshUnit unit) {
   SurfaceMesh surface{std::move(raw), {}, {}};
   TriangleMesh& mesh = surface.mesh;
   MeshReport& report = surface.report;
   report.triangles_read = mesh.triangles.size();
   if (mesh.triangles.empty())
     throw UserError(name + ": the surface has no triangles; export the vessel as a surface mesh");
-  CheckSize(mesh, name);
+  CheckSize(mesh, name, unit);
   const double tolerance_mm = WeldToleranceMm(mesh);
   report.findings.push_back(std::to_string(report.triangles_read) + " triangles read.");
   repair::Weld(mesh, tolerance_mm, report);

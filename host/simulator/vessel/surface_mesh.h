@@ -7,15 +7,16 @@
 #include <string>
 #include <vector>
 
+#include "host/simulator/vessel/length_unit.h"
 #include "host/simulator/vessel/triangle_mesh.h"
 
 namespace torquer::vessel {
 
 /// Unit of a surface file; declared by the scene, never guessed.
-enum class MeshUnit { kMillimeter, kMeter };
+enum class MeshUnit { kMillimeter, kMeter, kCentimeter, kMicrometer, kInch };
 
-/// Unit of "mm" or "m" (the scene's mesh_unit). Throws UserError naming both on anything else.
-MeshUnit MeshUnitFromText(const std::string& text);
+/// Name and length of a unit.
+const LengthUnit& UnitOf(MeshUnit unit);
 
 /// Opening: an end of the vessel that the file left open, a natural entry point.
 struct Opening {
@@ -57,13 +58,15 @@ struct SurfaceMesh {
   TriangleMesh left_out;  ///< removed walls within the lumen, and sheets
 };
 
-/// Unit in which a surface, with its file's coordinates, has the size of a vessel; empty if neither
-/// fits. Only for proposals: a scene declares its unit.
+/// Unit in which a surface, with its file's coordinates, has the size of a vessel, in the order of
+/// MeshUnit; empty if none fits. Only for proposals: a scene declares its unit.
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file);
 
 /// Throws UserError that begins with `name` if the diagonal of a surface in mm is outside 5 to 4000
-/// mm. Also throws if it lies over 1e6 mm from the origin: its coordinates are then coarse.
-void CheckSize(const TriangleMesh& mesh, const std::string& name);
+/// mm, and names the units in which the file's coordinates would be a vessel; `unit`: the one that
+/// they were multiplied by. Also throws if it lies over 1e6 mm from the origin: its coordinates are
+/// then coarse.
+void CheckSize(const TriangleMesh& mesh, const std::string& name, MeshUnit unit);
 
 /// Weld tolerance, mm: vertices of a surface that are nearer to one another are merged.
 double WeldToleranceMm(const TriangleMesh& mesh);
@@ -76,7 +79,9 @@ SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit);
 /// format.
 SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, MeshUnit unit);
 
-/// As ReadSurface, from triangles in mm. `name` stands for the file in messages.
-SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name);
+/// As ReadSurface, from triangles in mm. `name` stands for the file in messages, `unit` for its
+/// unit.
+SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name,
+                          MeshUnit unit = MeshUnit::kMillimeter);
 
 }  // namespace torquer::vessel

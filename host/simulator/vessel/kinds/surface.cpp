@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
+#include "host/simulator/vessel/length_unit.h"
 #include "host/simulator/vessel/mesh_import.h"
+#include "host/simulator/vessel/patient_space.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel {
@@ -19,6 +23,12 @@ struct SurfaceSpec : TableSpec {
   std::optional<std::string> centerlines;
 };
 
+std::vector<std::string> UnitNames() {
+  std::vector<std::string> names;
+  for (const LengthUnit& unit : kLengthUnits) names.emplace_back(unit.name);
+  return names;
+}
+
 const Keys<SurfaceSpec>& SurfaceKeys() {
   static const Keys<SurfaceSpec> keys =
       Keys<SurfaceSpec>()
@@ -26,14 +36,14 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
           .Text("file", &SurfaceSpec::file,
                 "surface file (STL, OBJ or PLY); its path is relative to the scene file")
           .Required()
-          .Choice("mesh_unit", &SurfaceSpec::unit, {"mm", "m"}, "unit of the file's coordinates")
+          .Choice("mesh_unit", &SurfaceSpec::unit, UnitNames(), "unit of the file's coordinates")
           .Number("voxel_mm", &SurfaceSpec::voxel_mm, 0.02, 4, "mm",
                   "finest cell of the distance field; at most half the thickness of the thinnest "
                   "wall between two lumens")
           .Otherwise("none")
           .Text("centerlines", &SurfaceSpec::centerlines,
-                "folder with centerlines from 3D Slicer (.mrk.json), in the frame and unit of the "
-                "surface file")
+                "folder with centerlines from 3D Slicer (.mrk.json), in the frame of the surface "
+                "file, in the unit that they name, or in mm")
           .Example(
               "kind = \"surface\"\n"
               "file = \"meshes/neuro_arch/surface.obj\"\n"
@@ -44,10 +54,12 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
   return keys;
 }
 
+// vessel.contents holds the surface alone.
 void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folder, Vessel& vessel) {
   try {
     std::vector<CurveFile> files = ReadCurveFiles((folder / *spec.centerlines).string());
-    vessel.centerlines = ParseSlicerCurves(files);
+    vessel.centerlines =
+        ParseSlicerCurves(files, SpaceOfSurface(vessel.contents.front()), &vessel.findings);
     for (CurveFile& file : files) vessel.contents.push_back(std::move(file.contents));
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
