@@ -8,6 +8,7 @@ import subprocess
 import sys
 import zlib
 
+import numpy as np
 import pytest
 import torquer
 import torquer.centerlines
@@ -118,6 +119,65 @@ def test_a_scene_reads_them(tmp_path):
     assert sorted(again.centerlines) == sorted(f"line_{k + 1}" for k in range(len(lines)))
 
 
+def curves_in(folder):
+    read = {}
+    for path in sorted(folder.iterdir()):
+        (markup,) = json.loads(path.read_text())["markups"]
+        read[path.name.removesuffix(".mrk.json")] = [point["position"] for point in markup["controlPoints"]]
+    return read
+
+
+def test_lines_of_two_points_are_joined(tmp_path):
+    # A trunk of 1200 steps that branches in two, as SimVascular writes it, with steps in any order.
+    trunk, branch, other = list(range(1201)), [1200, *range(1201, 1301)], [1200, *range(1301, 1401)]
+    points = [[0, 0, 0.1 * k] for k in trunk]
+    points += [[0.1 * k, 0, 120 + 0.1 * k] for k in range(1, 101)]
+    points += [[-0.1 * k, 0, 120 + 0.1 * k] for k in range(1, 101)]
+    steps = [pair for line in (trunk, branch, other) for pair in zip(line, line[1:])]
+    steps = steps[::2] + steps[1::2]
+    flat = [x for point in points for x in point]
+    nodes = [x for step in steps for x in step]
+    (tmp_path / "a.vtp").write_bytes(vtp("raw", flat, [2.0] * len(points), nodes, list(range(2, len(nodes) + 1, 2))))
+    lines = torquer.centerlines.read_vtp(tmp_path / "a.vtp")
+    found = sorted([round(float(line.points[k, 2]), 3) for k in (0, -1)] + [len(line.points)] for line in lines)
+    assert found == [[0.0, 120.0, 1201], [120.0, 130.0, 101], [120.0, 130.0, 101]]
+    for line in lines:
+        assert np.linalg.norm(np.diff(line.points, axis=0), axis=1).max() < 0.15
+
+
+def test_a_surface_is_named_as_such(tmp_path):
+    surface = vtp().replace(b'NumberOfLines="2"', b'NumberOfLines="0" NumberOfPolys="2"')
+    (tmp_path / "a.vtp").write_bytes(surface)
+    done = convert(tmp_path / "a.vtp", tmp_path / "curves")
+    assert done.returncode == 2
+    assert "is a surface (NumberOfPolys is '2') and holds no lines; give its centerlines" in done.stderr
+
+
+def test_a_trunk_that_lines_share_stands_once(tmp_path):
+    # As VMTK samples them: points of the second line lie between those of the first.
+    first = [[0, 0, 2.0 * k] for k in range(16)] + [[2.0 * k, 0, 30 + 2.0 * k] for k in range(1, 11)]
+    second = [[0, 0, 0]] + [[0, 0, 2.0 * k + 1] for k in range(15)] + [[-2.0 * k, 0, 30 + 2.0 * k] for k in range(11)]
+    count, whole = len(first), len(first) + len(second)
+    flat = [x for point in first + second + first for x in point]
+    (tmp_path / "a.vtp").write_bytes(
+        vtp("ascii", flat, [3.0] * (whole + count), list(range(whole + count)), [count, whole, whole + count])
+    )
+    done = convert(tmp_path / "a.vtp", tmp_path / "curves", "--unit", "cm")
+    assert done.returncode == 0, done.stderr
+    assert "2 centerlines, 37 points in cm; 42 points of trunks that lines share stand once" in done.stdout
+    curves = curves_in(tmp_path / "curves")
+    assert curves["line_1"] == first
+    assert curves["line_2"] == second[-11:]
+    (markup,) = json.loads((tmp_path / "curves/line_1.mrk.json").read_text())["markups"]
+    assert markup["coordinateUnits"] == markup["measurements"][0]["units"] == "cm"
+    assert "coordinateSystem" not in markup
+
+
+def test_a_unit_is_refused_for_states(tmp_path):
+    done = convert(tmp_path / "a.jsonl", tmp_path / "b.csv", "--unit", "cm")
+    assert done.returncode == 2 and "--unit cm is for centerlines in a .vtp" in done.stderr
+
+
 ASCII = vtp()
 
 
@@ -135,7 +195,7 @@ ASCII = vtp()
         (ASCII.replace(b"Piece", b"Peace"), "has 0 pieces"),
         (ASCII.replace(b'Points="4"', b'Points="99999999"'), "NumberOfPoints is '99999999', not 2 to"),
         (ASCII.replace(b'Points="4"', b'Points="-1"'), "NumberOfPoints is '-1'"),
-        (ASCII.replace(b'Lines="2"', b'Lines="1001"'), "NumberOfLines is '1001'"),
+        (ASCII.replace(b'Lines="2"', b'Lines="5000001"'), "NumberOfLines is '5000001'"),
         (ASCII.replace(b"MaximumInscribedSphere", b""), "compute it with vmtkcenterlines"),
         (ASCII.replace(b'Components="3"', b'Components="2"'), "Points has 2 components, not 3"),
         (ASCII.replace(b"Float32", b"String"), "Points is of type 'String'"),

@@ -19,6 +19,9 @@ def main() -> int:
     )
     convert.add_argument("source", metavar="IN", help="file to read")
     convert.add_argument("target", metavar="OUT", help="file or folder to write")
+    convert.add_argument(
+        "--unit", choices=centerlines.UNITS, help="unit of the coordinates in a .vtp (default: mm; SimVascular: cm)"
+    )
     speed = commands.add_parser(
         "benchmark", help="measure the steps per second and the error of the environments in torquer.envs"
     )
@@ -34,7 +37,9 @@ def main() -> int:
             print(benchmark.as_json(result) if arguments.json else benchmark.as_table(result))
             return 0
         if arguments.source.endswith(".vtp"):
-            written = centerlines.convert(arguments.source, arguments.target)
+            written = centerlines.convert(arguments.source, arguments.target, arguments.unit or "mm")
+        elif arguments.unit:
+            raise Error(f"--unit {arguments.unit} is for centerlines in a .vtp, but {arguments.source} is none; leave it out")
         else:
             written = export.write(export.read_states(arguments.source), arguments.target)
     except Error as error:

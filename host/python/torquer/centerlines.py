@@ -11,7 +11,7 @@ import dataclasses
 import os
 import struct
 import zlib
-from typing import Any, List, Optional, Union
+from typing import Any, Dict, List, Optional, Tuple, Union
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
@@ -27,7 +27,13 @@ _MOST_BYTES = 256 << 20
 _MOST_POINTS = 5_000_000
 _MOST_LINES = 1000
 _DEEPEST = 16
+# Share of its radius within which a point lies on another line.
+_ON_LINE = 0.1
+# Steps of the other line among which the next point's nearest one is searched.
+_STEPS_AHEAD = 200
 _TYPES = {"Float32": "f4", "Float64": "f8", "Int32": "i4", "Int64": "i8"}
+UNITS = ("mm", "m", "cm", "um", "in")
+"""Units that a scene's surfaces and curves may have."""
 _SAVE_AGAIN = "save it again as VTK XML PolyData (.vtp)"
 
 
@@ -215,15 +221,62 @@ class _Reader:
         return np.frombuffer(out, dtype)
 
 
+def _refuse_surface(reader: _Reader, piece: Element) -> None:
+    for name in ("NumberOfPolys", "NumberOfStrips"):
+        if piece.get(name, "0") != "0" and piece.get("NumberOfLines", "0") == "0":
+            raise Error(
+                f"{reader.path}: is a surface ({name} is {piece.get(name, '')[:40]!r}) and holds no lines; "
+                "give its centerlines, which vmtkcenterlines computes"
+            )
+
+
+def _joined(lines: List[Any]) -> List[Any]:
+    """Joins lines of two points into longer ones, up to the points where they end or branch."""
+    steps = list(dict.fromkeys(tuple(line.tolist()) for line in lines if len(line) == 2))
+    meeting: Dict[int, List[int]] = {}  # the steps at a point; -1 stands for a longer line
+    for k, step in enumerate(steps):
+        for node in step:
+            meeting.setdefault(node, []).append(k)
+    longer = [line for line in lines if len(line) > 2]
+    for line in longer:
+        for node in line.tolist():
+            meeting.setdefault(node, []).append(-1)
+    used = [False] * len(steps)
+
+    def follow(node: int) -> List[int]:
+        way = []
+        while len(meeting[node]) == 2:
+            k = max(meeting[node], key=lambda step: step >= 0 and not used[step])
+            if k < 0 or used[k]:
+                break
+            used[k] = True
+            node = steps[k][1] if steps[k][0] == node else steps[k][0]
+            way.append(node)
+        return way
+
+    chains = []
+    for k, (start, end) in enumerate(steps):
+        if used[k]:
+            continue
+        used[k] = True
+        onward = [start, end, *follow(end)]
+        chains.append(np.array([*reversed(follow(start)), *onward]))
+    return longer + chains
+
+
 def read_vtp(path: Union[str, "os.PathLike[str]"]) -> List[Line]:
-    """Reads the centerlines in a file of VMTK: ascii, base64 or raw, with zlib or without."""
+    """Reads the centerlines in a file of VMTK: ascii, base64 or raw, with zlib or without.
+
+    Lines of two points each, as SimVascular writes them, are joined up to the next branch.
+    """
     reader = _Reader(os.fspath(path))
     pieces = reader.root.findall("PolyData/Piece")
     if len(pieces) != 1:
         raise reader.refuse(f"has {len(pieces)} pieces, not one")
     piece = pieces[0]
+    _refuse_surface(reader, piece)
     points_count = reader.count(piece, "NumberOfPoints", 2, _MOST_POINTS)
-    lines_count = reader.count(piece, "NumberOfLines", 1, _MOST_LINES)
+    lines_count = reader.count(piece, "NumberOfLines", 1, _MOST_POINTS)
     points = reader.array(piece.find("Points"), None, points_count, 3).astype(float)
     radii = reader.array(piece.find("PointData"), _RADIUS, points_count).astype(float)
     if (radii < 0).any():
@@ -232,19 +285,75 @@ def read_vtp(path: Union[str, "os.PathLike[str]"]) -> List[Line]:
     cells = piece.find("Lines")
     ends = reader.array(cells, "offsets", lines_count).astype(np.int64)
     starts = np.concatenate([[0], ends[:-1]])
-    if (ends - starts < 2).any() or ends[-1] > _MOST_POINTS:
-        raise reader.refuse(f"offsets are not those of lines of 2 or more points, {_MOST_POINTS} in all")
+    if (ends - starts < 2).any() or ends[-1] > 2 * _MOST_POINTS:
+        raise reader.refuse(f"offsets are not those of lines of 2 or more points, {2 * _MOST_POINTS} in all")
     nodes = reader.array(cells, "connectivity", int(ends[-1])).astype(np.int64)
     if nodes.min() < 0 or nodes.max() >= points_count:
         raise reader.refuse(f"connectivity goes from {nodes.min()} to {nodes.max()}, beyond {points_count} points")
-    return [Line(points[nodes[a:b]], radii[nodes[a:b]]) for a, b in zip(starts, ends)]
+    lines = _joined([nodes[a:b] for a, b in zip(starts, ends)])
+    if len(lines) > _MOST_LINES:
+        raise Error(f"{reader.path}: holds {len(lines)} lines, more than {_MOST_LINES}; give fewer branches")
+    return [Line(points[line], radii[line]) for line in lines]
 
 
-def convert(source: Union[str, "os.PathLike[str]"], folder: Union[str, "os.PathLike[str]"]) -> str:
-    """Writes each line of a .vtp as a curve in a new folder; returns a description."""
-    lines = read_vtp(source)
+def _nearest(line: Line, point: Any, first: int, last: int) -> Tuple[float, int]:
+    """Distance of a point from the steps first to last of a line, and the nearest step."""
+    begin = line.points[first:last]
+    way = line.points[first + 1 : last + 1] - begin
+    off = point - begin
+    squared = np.einsum("ij,ij->i", way, way)
+    share = np.einsum("ij,ij->i", off, way) / np.where(squared > 0, squared, 1.0)
+    distances = np.linalg.norm(off - np.clip(share, 0, 1)[:, None] * way, axis=1)
+    k = int(distances.argmin())
+    return float(distances[k]), first + k
+
+
+def _points_shared(line: Line, earlier: List[Line]) -> int:
+    """Number of points with which a line begins that lie on one of the earlier lines."""
+    most = 0
+    for other in earlier:
+        steps = len(other.points) - 1
+        first, last = 0, steps
+        shared = 0
+        for point, radius in zip(line.points, line.radii):
+            distance, step = _nearest(other, point, first, last)
+            if distance > _ON_LINE * radius:
+                break
+            shared += 1
+            first, last = max(0, step - _STEPS_AHEAD), min(steps, step + _STEPS_AHEAD)
+        most = max(most, shared)
+    return most
+
+
+def _without_trunks(lines: List[Line]) -> List[Line]:
+    """Leaves out what a line shares with an earlier one, except for the point where it branches off.
+
+    VMTK repeats the trunk in the line to each target; blood would flow through it twice.
+    """
+    kept: List[Line] = []
+    for line in lines:
+        begin = max(0, _points_shared(line, kept) - 1)
+        backward = Line(line.points[::-1], line.radii[::-1])
+        end = len(line.points) - max(0, _points_shared(backward, kept) - 1)
+        if end - begin > 1:
+            kept.append(Line(line.points[begin:end], line.radii[begin:end]))
+    return kept
+
+
+def convert(
+    source: Union[str, "os.PathLike[str]"], folder: Union[str, "os.PathLike[str]"], unit: str = "mm"
+) -> str:
+    """Writes each line of a .vtp as a curve in a new folder; returns a description.
+
+    unit: of the file's coordinates, one of UNITS. The curves name no coordinate system, as the file
+    has none: they lie in that of the surface.
+    """
+    read = read_vtp(source)
+    lines = _without_trunks(read)
     write_folder(
         folder,
-        {f"line_{k}.mrk.json": slicer_curve(line.points, line.radii) for k, line in enumerate(lines, 1)},
+        {f"line_{k}.mrk.json": slicer_curve(line.points, line.radii, unit, None) for k, line in enumerate(lines, 1)},
     )
-    return f"{len(lines)} centerlines, {sum(len(line.points) for line in lines)} points in the file's unit"
+    before, after = (sum(len(line.points) for line in some) for some in (read, lines))
+    shared = f"; {before - after} points of trunks that lines share stand once" if after < before else ""
+    return f"{len(lines)} centerlines, {after} points in {unit}{shared}"

@@ -227,12 +227,14 @@ def _vtp(state: State) -> str:
     )
 
 
-def slicer_curve(points: Array, radii: Union[Array, None] = None) -> str:
-    """Curve of 3D Slicer through points: mm, left-posterior-superior, as in surfaces of patients."""
+def slicer_curve(
+    points: Array, radii: Union[Array, None] = None, unit: str = "mm", system: Union[str, None] = "LPS"
+) -> str:
+    """Curve of 3D Slicer through points: left-posterior-superior, as in surfaces of patients."""
     markup: Dict[str, Any] = {
         "type": "Curve",
-        "coordinateSystem": "LPS",
-        "coordinateUnits": "mm",
+        **({"coordinateSystem": system} if system else {}),
+        "coordinateUnits": unit,
         "controlPoints": [
             {"id": str(k + 1), "position": list(map(float, point)), "positionStatus": "defined"}
             for k, point in enumerate(points)
@@ -244,7 +246,7 @@ def slicer_curve(points: Array, radii: Union[Array, None] = None) -> str:
             {
                 "name": "Radius",
                 "enabled": True,
-                "units": "mm",
+                "units": unit,
                 "controlPointValues": list(map(float, radii)),
             }
         ]
