@@ -8,6 +8,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <exception>
@@ -20,9 +21,14 @@
 
 namespace {
 
+// Only a privileged process can raise a limit that holds already.
 void Limit(int resource, rlim_t most, rlim_t grace = 0) {
-  const rlimit limit{most, most + grace};
-  if (setrlimit(static_cast<__rlimit_resource>(resource), &limit) != 0) std::exit(1);
+  const auto which = static_cast<__rlimit_resource>(resource);
+  rlimit limit{};
+  if (getrlimit(which, &limit) != 0) std::exit(1);
+  limit.rlim_max = std::min(limit.rlim_max, most + grace);
+  limit.rlim_cur = limit.rlim_max - std::min(limit.rlim_max, grace);
+  if (setrlimit(which, &limit) != 0) std::exit(1);
 }
 
 // Called before the first byte of the file is read.
