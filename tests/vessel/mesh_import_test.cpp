@@ -141,6 +141,7 @@ TEST_CASE("objects, groups and materials of an OBJ file cost little and change n
     return ImportMesh(corners + faces, "a.obj", 1).Area();
   };
   CHECK(area("f 1 2 4 3\n") == Approx(81));
+  CHECK(ImportMesh("\xef\xbb\xbf" + corners + "f 1 2 4 3\n", "a.obj", 1).Area() == Approx(81));
   CHECK(area("f -4 -3 \\\n -1 -2\n") == Approx(81));
   CHECK(area("f 1 2 \\\r\n 4 3\r\n# f 1 2 3\r\nl 1 2\r\np 1\r\n") == Approx(81));
   CHECK(area("vn 0 0 1\nvt 0 0\n# comment \\\nf 1 2 3\nf 1/1/1 2/1/1 3/1/1\n") == Approx(40.5));

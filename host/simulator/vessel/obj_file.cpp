@@ -9,6 +9,7 @@ namespace torquer::vessel {
 namespace {
 
 constexpr std::string_view kObjBlanks = " \t\v\f";
+constexpr std::string_view kObjByteOrderMark = "\xef\xbb\xbf";
 
 // Next word of a line, which becomes shorter; empty at its end.
 std::string_view NextWord(std::string_view& line) {
@@ -38,7 +39,8 @@ std::string OnlyFaces(const std::string& contents) {
   std::string out;
   out.reserve(contents.size());
   bool continues = false, is_kept = false, is_face = false;
-  for (std::size_t at = 0; at < contents.size();) {
+  const std::size_t begin = contents.starts_with(kObjByteOrderMark) ? kObjByteOrderMark.size() : 0;
+  for (std::size_t at = begin; at < contents.size();) {
     const std::size_t end = std::min(contents.find_first_of("\n\r", at), contents.size());
     std::string_view line(contents.data() + at, end - at);
     at = end + 1;
