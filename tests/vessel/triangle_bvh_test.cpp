@@ -56,6 +56,23 @@ TEST_CASE("distances are those of looking at every triangle, and signs those of 
   }
 }
 
+TEST_CASE("rounded winding numbers on both sides of a face are those of single look-ups") {
+  TriangleMesh mesh = Bottle(), other = Bottle();
+  for (Vector3d& v : other.vertices_mm) v = Vector3d(20 - v.y(), v.x() - 18, v.z() + 0.4);
+  Append(mesh, other);
+  const TriangleBvh bvh(mesh);
+  int within = 0;
+  for (size_t face = 0; face < mesh.triangles.size(); ++face) {
+    const Vector3d at = mesh.Centroid(face);
+    const Vector3d step = 1e-4 * mesh.DoubleArea(face).normalized();
+    const auto [outer, inner] = bvh.WholeWindingNumbers(at, step);
+    CHECK(outer == std::lround(bvh.WindingNumber(at + step)));
+    CHECK(inner == std::lround(bvh.WindingNumber(at - step)));
+    within += outer == 1 ? 1 : 0;
+  }
+  CHECK(within > 50);
+}
+
 TEST_CASE("signs are right next to edges and corners, where faces disagree") {
   const TriangleBvh bvh(Bottle());
   Random random(22);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <set>
@@ -45,17 +46,11 @@ constexpr double kBesideCap = 0.05;
 // Largest number of face pairs that the report counts.
 constexpr size_t kMostCounted = 1'000'000;
 
-// The winding number on either side of a face.
-struct Sides {
-  double outer, inner;
-};
-
-Sides SidesOf(const TriangleBvh& surface, const TriangleMesh& mesh, size_t face) {
+// A step from the middle of a face to its outer side, much shorter than the face.
+Vector3d StepOut(const TriangleMesh& mesh, size_t face) {
   const Vector3d twice = mesh.DoubleArea(face);
   const double area = twice.norm();
-  const Vector3d step = 1e-4 * std::sqrt(area) * twice / area;
-  const Vector3d at = mesh.Centroid(face);
-  return {surface.WindingNumber(at + step), surface.WindingNumber(at - step)};
+  return 1e-4 * std::sqrt(area) * twice / area;
 }
 
 // Faces joined over edges of two faces, sorted by decreasing area for sampling.
@@ -117,7 +112,8 @@ double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
   for (size_t i = 0; i < region.faces.size(); i += stride) {
     const double area = AreaOf(mesh, region.faces[i]);
     if (area == 0) continue;
-    const double outer = SidesOf(surface, mesh, region.faces[i]).outer;
+    const size_t face = region.faces[i];
+    const double outer = surface.WindingNumber(mesh.Centroid(face) + StepOut(mesh, face));
     sum += area * std::abs(outer - std::round(outer));
     weight += area;
   }
@@ -182,7 +178,8 @@ Verdict Judge(const TriangleBvh& surface) {
   Verdict verdict;
   verdict.keep.assign(mesh.triangles.size(), 0);
   double largest_within = 0, largest_inverted = 0;
-  const auto settle = [&](int32_t face, std::pair<long, long> sides) {
+  using Sides = TriangleBvh::WholeSides;
+  const auto settle = [&](int32_t face, Sides sides) {
     const double area = AreaOf(mesh, face);
     const auto [outer, inner] = sides;
     verdict.total += area;
@@ -198,21 +195,25 @@ Verdict Judge(const TriangleBvh& surface) {
       largest_inverted = std::max(largest_inverted, area);
     }
   };
+  std::vector<std::optional<Sides>> known(mesh.triangles.size());
   const auto whole = [&](int32_t face) {
-    if (AreaOf(mesh, face) == 0) return std::pair(0L, 0L);
-    const Sides sides = SidesOf(surface, mesh, face);
-    return std::pair(std::lround(sides.outer), std::lround(sides.inner));
+    if (AreaOf(mesh, face) == 0) return Sides{0, 0};
+    if (!known[face]) {
+      known[face] = surface.WholeWindingNumbers(mesh.Centroid(face), StepOut(mesh, face));
+    }
+    return *known[face];
   };
   for (const SurfaceRegion& region : RegionsOf(mesh)) {
     // Winding numbers are constant over a region unless something passes through it without an edge
     // there.
     const size_t samples = std::min(region.faces.size(), kSheetSamples);
-    std::set<std::pair<long, long>> seen;
-    for (size_t i = 0; i < samples; ++i) seen.insert(whole(region.faces[i]));
-    for (const int32_t face : region.rim) seen.insert(whole(face));
-    for (const int32_t face : region.faces) {
-      settle(face, seen.size() == 1 ? *seen.begin() : whole(face));
-    }
+    const Sides first = whole(region.faces[0]);
+    const auto is_first = [&](int32_t face) { return whole(face) == first; };
+    const bool one =
+        std::all_of(region.faces.begin(), region.faces.begin() + static_cast<ptrdiff_t>(samples),
+                    is_first) &&
+        std::all_of(region.rim.begin(), region.rim.end(), is_first);
+    for (const int32_t face : region.faces) settle(face, one ? first : whole(face));
   }
   return verdict;
 }
@@ -244,8 +245,10 @@ Fault FindFault(const TriangleBvh& surface) {
     const double area = AreaOf(mesh, i);
     if (area == 0) continue;
     total += area;
-    const Sides sides = SidesOf(surface, mesh, i);
-    if (std::abs(sides.outer) < 0.25 && std::abs(sides.inner - 1) < 0.25) continue;
+    const Vector3d at = mesh.Centroid(i), step = StepOut(mesh, i);
+    const double outer = surface.WindingNumber(at + step);
+    const double inner = surface.WindingNumber(at - step);
+    if (std::abs(outer) < 0.25 && std::abs(inner - 1) < 0.25) continue;
     fault.share += area;
     if (area > largest) fault.where_mm = mesh.Centroid(i);
     largest = std::max(largest, area);

@@ -16,25 +16,14 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr int kLeafTriangles = 4;
-constexpr int kStackDepth = 128;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Boxes are skipped only if they are further than the best by more than rounding. Thus a search in
 // any order meets every triangle that could be the nearest.
 constexpr double kSlack = 1 + 1e-9, kRoundingMm = 1e-9;
 // Least height of a face with a reliable normal, as a share of its longest edge.
 constexpr double kSliver = 1e-3;
-// Nodes further away than this many times their reach count as one dipole.
-constexpr double kDipoleRatio = 3;
-
 double SquaredDistance(const AlignedBox3d& box, const Vector3d& p) {
   return (box.min() - p).cwiseMax(p - box.max()).cwiseMax(0).squaredNorm();
-}
-
-double SolidAngle(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
-  // Van Oosterom & Strackee (1983).
-  const double la = a.norm(), lb = b.norm(), lc = c.norm();
-  return 2 * std::atan2(a.dot(b.cross(c)),
-                        la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
 }  // namespace
@@ -300,26 +289,6 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
 
 // Walks down the tree into nodes for which `enters` is true. Calls `leaf` with each triangle there,
 // until it returns false.
-template <typename Enters, typename Leaf>
-void TriangleBvh::Walk(Enters enters, Leaf leaf) const {
-  int32_t stack[kStackDepth];
-  int size = 0;
-  stack[size++] = 0;
-  while (size > 0) {
-    const int32_t index = stack[--size];
-    const Node& node = nodes_[index];
-    if (!enters(node)) continue;
-    if (node.count == 0) {
-      stack[size++] = node.first;
-      stack[size++] = index + 1;
-      continue;
-    }
-    for (int32_t i = node.first; i < node.first + node.count; ++i) {
-      if (!leaf(order_[i])) return;
-    }
-  }
-}
-
 // All triangles within limit_mm of a point, with the tangents of their distances. Returns false and
 // no triangle if there are too many: a search for each sample is then quicker.
 bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
@@ -376,24 +345,6 @@ double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
     return true;
   });
   return nearest;
-}
-
-double TriangleBvh::WindingNumber(const Vector3d& point_mm) const {
-  double sum = 0;
-  const auto enters = [&](const Node& node) {
-    const Vector3d d = node.place - point_mm;
-    const double distance = d.norm();
-    if (distance <= kDipoleRatio * node.reach) return true;
-    sum += node.area.dot(d) / (distance * distance * distance);
-    return false;
-  };
-  Walk(enters, [&](int32_t triangle) {
-    const Face& face = faces_[triangle];
-    const Vector3d a = face.a - point_mm;
-    sum += SolidAngle(a, a + face.ab, a + face.ac);
-    return true;
-  });
-  return sum / (4 * M_PI);
 }
 
 void TriangleBvh::FindTouching(const AlignedBox3d& box, std::vector<int32_t>& triangles) const {

@@ -46,6 +46,16 @@ class TriangleBvh final : public DistanceSource {
   /// Winding number of the surface about a point: 1 inside a simple surface, 0 outside.
   double WindingNumber(const Eigen::Vector3d& point_mm) const;
 
+  /// Winding numbers on both sides of a face, rounded to integers.
+  struct WholeSides {
+    long outer, inner;
+    bool operator==(const WholeSides&) const = default;
+  };
+  /// Rounds the winding numbers at point + step and point - step, where the step is much shorter
+  /// than the face. It walks once for both, with coarser dipoles as long as these suffice.
+  WholeSides WholeWindingNumbers(const Eigen::Vector3d& point_mm,
+                                 const Eigen::Vector3d& step_mm) const;
+
   /// Finds the triangles with boxes that touch a box.
   void FindTouching(const Eigen::AlignedBox3d& box, std::vector<int32_t>& triangles) const;
 
@@ -57,6 +67,8 @@ class TriangleBvh final : public DistanceSource {
   bool IsDoubtful(int32_t triangle) const { return faces_[triangle].doubtful; }
 
  private:
+  static constexpr int kStackDepth = 128;
+
   struct Face {
     Eigen::Vector3d a, ab, ac, normal;
     double ab_ab, ab_ac, ac_ac, determinant;
@@ -94,6 +106,9 @@ class TriangleBvh final : public DistanceSource {
                     const std::vector<Eigen::Vector3d>& centers);
   void FindNormals();
   void MarkDoubtful();
+  std::pair<double, double> WindingNumbersBeside(const Eigen::Vector3d& point_mm,
+                                                 const Eigen::Vector3d& step_mm,
+                                                 double dipole_ratio) const;
   template <typename Enters, typename Leaf>
   void Walk(Enters enters, Leaf leaf) const;
   inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
@@ -107,5 +122,25 @@ class TriangleBvh final : public DistanceSource {
   std::vector<Node> nodes_;
   std::vector<int32_t> order_;  // triangles, leaf by leaf
 };
+
+template <typename Enters, typename Leaf>
+void TriangleBvh::Walk(Enters enters, Leaf leaf) const {
+  int32_t stack[kStackDepth];
+  int size = 0;
+  stack[size++] = 0;
+  while (size > 0) {
+    const int32_t index = stack[--size];
+    const Node& node = nodes_[index];
+    if (!enters(node)) continue;
+    if (node.count == 0) {
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+      continue;
+    }
+    for (int32_t i = node.first; i < node.first + node.count; ++i) {
+      if (!leaf(order_[i])) return;
+    }
+  }
+}
 
 }  // namespace torquer::vessel
