@@ -1,5 +1,6 @@
 #include "host/simulator/vessel/mesh_check.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -56,10 +57,28 @@ TEST_CASE(
     CHECK(entry.direction.x() * (20 - entry.point_mm.x()) > 0);
     CHECK(std::abs(entry.direction.x()) == Approx(1).margin(0.01));
   }
-  const MeshCheck closed = CheckOf(MakeClosedTube());
-  REQUIRE(closed.entries.size() == 1);
-  CHECK(closed.entries[0].room_mm > 2.5);
-  CHECK(std::abs(closed.entries[0].direction.x()) > 0.9);
+}
+
+TEST_CASE("a closed surface is entered behind its flat ends, or else at its widest place") {
+  TriangleMesh tube = MakeTubeMesh(40, 20, 24, [](double x) { return 2 + 2 * std::sin(x / 14); });
+  CapTubeMesh(tube);
+  const MeshCheck closed = CheckOf(tube);
+  REQUIRE(closed.entries.size() == 2);
+  for (const EntryProposal& entry : closed.entries) {
+    CHECK(std::min(entry.point_mm.x(), 40 - entry.point_mm.x()) < 8);
+    CHECK(entry.direction.x() * (20 - entry.point_mm.x()) > 0.99);
+  }
+  CHECK_THAT(ProposeScene(closed), Contains("behind a flat end"));
+  // A round end has no flat part, and no panel of its wall is an end.
+  TriangleMesh round = MakeTubeMesh(40, 40, 24, [](double x) {
+    return 4 * std::sqrt(std::max(1e-6, 1 - std::pow(x / 20 - 1, 2)));
+  });
+  CapTubeMesh(round);
+  const MeshCheck widest = CheckOf(round);
+  REQUIRE(widest.entries.size() == 1);
+  CHECK(widest.entries[0].room_mm > 3.5);
+  CHECK(std::abs(widest.entries[0].direction.x()) > 0.9);
+  CHECK_THAT(ProposeScene(widest), Contains("the widest place"));
 }
 
 TEST_CASE("neither a file's name nor a surface far away does harm") {

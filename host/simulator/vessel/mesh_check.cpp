@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "host/simulator/vessel/flat_ends.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/triangle_bvh.h"
 #include "host/support/error.h"
@@ -76,9 +77,14 @@ EntryProposal WidestPlace(const TriangleBvh& surface) {
 std::vector<EntryProposal> ProposeEntries(const SurfaceMesh& surface) {
   const TriangleBvh bvh(surface.mesh);
   std::vector<EntryProposal> entries;
-  for (const Opening& opening : surface.report.openings) {
-    entries.push_back(BehindOpening(bvh, opening));
-  }
+  const auto add_behind = [&](const std::vector<Opening>& ends, const char* place) {
+    for (const Opening& end : ends) {
+      entries.push_back(BehindOpening(bvh, end));
+      entries.back().place = place;
+    }
+  };
+  add_behind(surface.report.openings, "behind an open end");
+  if (entries.empty()) add_behind(FindFlatEnds(surface.mesh), "behind a flat end");
   if (entries.empty()) entries.push_back(WidestPlace(bvh));
   std::erase_if(entries, [](const EntryProposal& entry) { return entry.room_mm < kLeastRoomMm; });
   return entries;
@@ -175,10 +181,8 @@ std::string ProposeScene(const MeshCheck& check) {
       key_values::Write(Key{}, std::filesystem::path(check.path).filename().string()),
       UnitOf(*check.unit).name, ProposeVoxel(check.surface->report));
   for (std::size_t i = 0; i < check.entries.size(); ++i) {
-    const auto& [point_mm, direction, room_mm] = check.entries[i];
+    const auto& [point_mm, direction, room_mm, place] = check.entries[i];
     const char* const comment = i == 0 ? "" : "# ";
-    const std::string place =
-        check.surface->report.openings.empty() ? "the widest place" : "behind an open end";
     out += fmt::format("\n{}[entry]  # {} in the picture: {}, {:.2f} mm from the wall\n", comment,
                        i + 1, place, room_mm);
     out += fmt::format("{}point_mm = [{:.1f}, {:.1f}, {:.1f}]\n", comment, point_mm.x(),

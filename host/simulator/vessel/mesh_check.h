@@ -17,6 +17,7 @@ struct EntryProposal {
   Eigen::Vector3d point_mm;
   Eigen::Vector3d direction;  ///< unit, along the vessel
   double room_mm = 0;         ///< from the point to the wall
+  const char* place = "the widest place";
 };
 
 struct MeshCheck {
@@ -33,8 +34,9 @@ struct MeshCheck {
   int components = 0;  ///< parts, joined over edges of two triangles
   /// Repaired surface; empty if it is refused.
   std::optional<SurfaceMesh> surface;
-  std::string refusal;                 ///< error message of a scene with this surface
-  std::vector<EntryProposal> entries;  ///< one for each open end; else the widest place
+  std::string refusal;  ///< error message of a scene with this surface
+  std::vector<EntryProposal>
+      entries;  ///< one for each open end, else each flat end, else the widest place
 };
 
 /// Checks the bytes of a surface file. `path` names it in messages; its extension gives the format.
