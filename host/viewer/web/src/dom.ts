@@ -14,21 +14,25 @@ export function setData(target: HTMLElement | SVGElement, name: string, value: s
   if (target.dataset[name] !== value) target.dataset[name] = value;
 }
 
+const UNKNOWN = "–";
+
 /** With a sign, as positions of a hand have. */
 export function signed(value: number, digits: number): string {
+  if (!Number.isFinite(value)) return UNKNOWN;
   const text = value.toFixed(digits).replace("-", "−");
   return value > 0 ? `+${text}` : text;
 }
 
 /** Time as min:s, such as "1:05 min". */
 export function seconds(value: number): string {
+  if (!Number.isFinite(value)) return UNKNOWN;
   const whole = Math.max(0, Math.floor(value));
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min`;
 }
 
 /** Three significant digits, or all digits before the point: "41.2", "1250", "3.14e−7". */
 export function short(value: number): string {
-  if (!Number.isFinite(value)) return "–";
+  if (!Number.isFinite(value)) return UNKNOWN;
   if (value === 0) return "0";
   if (Math.abs(value) < 0.001) return value.toExponential(2).replaceAll("-", "−");
   return Math.abs(value) >= 99.95 ? value.toFixed(0) : value.toPrecision(3);

@@ -47,14 +47,15 @@ export class Examination {
     const left = this.on ? (unknown ? "not known" : "not reached") : `${short(leftMm)} mm from the tip`;
     if (!reached) return setText(this.task.lastElementChild!, left);
     const safe = readings.values["safe_success"] ?? null;
-    const time = seconds(readings.values["target_reached_s"] ?? 0);
+    const atS = readings.values["target_reached_s"] ?? null;
+    const time = atS === null ? "at an unknown time" : `after ${seconds(atS)}`;
     const most = short(readings.values["wall_force_max_mN"] ?? NaN);
     setData(this.task, "level", safe === 1 ? "good" : "warn");
     const mark =
       safe === 1 ? ", safely"
       : safe === null ? "; its safety is not known"
       : `; wall force ${most} mN, above the limit of ${short(target.force_limit_mN)} mN`;
-    setText(this.task.lastElementChild!, `reached after ${time}${mark}`);
+    setText(this.task.lastElementChild!, `reached ${time}${mark}`);
   }
 
   private showClock(reached: boolean, nowMs: number): void {

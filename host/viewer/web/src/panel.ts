@@ -6,6 +6,7 @@ import { type Figure, History } from "./history.js";
 
 const OLD_MS = 2500; // health comes once a second
 const MOST_OTHERS = 16;
+const NONE = -Infinity; // maximum of no state, shown as unknown
 const DEG = 180 / Math.PI;
 const FIGURES = {
   rate: { title: "States", unit: " /s", shown: short },
@@ -33,9 +34,9 @@ export class Panel {
   private readonly processes = new Map<string, { health: Health; heardMs: number }>();
   private rows: { row: HTMLElement; insertion: Element; rotation: Element; note: Element }[] = [];
   private scene: Scene | null = null;
-  private residual = 0;
-  private solveUs = 0;
-  private penetrationUm = 0;
+  private residual = NONE;
+  private solveUs = NONE;
+  private penetrationUm = NONE;
   private latencyMs = NaN;
   private status = 0; // bits of all states since the last refresh
   private newestStatus = 0;
@@ -121,7 +122,7 @@ export class Panel {
     const words = fresh ? Panel.words(this.status) : "";
     setText(this.solver, `Solver status: ${!fresh ? "no states" : words === "" ? "good" : words}`);
     setData(this.solver, "level", fresh && words === "" ? "" : "warn");
-    this.residual = this.solveUs = this.penetrationUm = 0;
+    this.residual = this.solveUs = this.penetrationUm = NONE;
     this.status = this.newestStatus;
     this.showHealth(nowMs);
     setText(this.problem, viewer?.problem ?? "");

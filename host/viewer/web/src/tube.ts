@@ -4,10 +4,12 @@ import * as THREE from "three";
 
 // From no contact to much: the viridis colors, which people with any color vision can order.
 const COLORS = ["#6fb7ff", "#4ac6a8", "#a5db36", "#fde725"].map((text) => new THREE.Color(text));
+const UNKNOWN = new THREE.Color("#8a959d");
 const SIDES = 8;
 
-/** Color of a share from 0, no contact, to 1. */
+/** Color of a share from 0, no contact, to 1; gray for not a number, which is unknown. */
 export function colorAt(share: number, out: THREE.Color): THREE.Color {
+  if (Number.isNaN(share)) return out.copy(UNKNOWN);
   const place = Math.min(Math.max(share, 0), 1) * (COLORS.length - 1);
   const index = Math.min(Math.floor(place), COLORS.length - 2);
   return out.lerpColors(COLORS[index]!, COLORS[index + 1]!, place - index);
