@@ -2,7 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/mesh_repair.h"
@@ -331,6 +333,23 @@ TEST_CASE("an open branch that ends in the lumen is joined, and its inner end is
     is_said = is_said || finding.find("within the lumen of another part") != std::string::npos;
   }
   CHECK(is_said);
+}
+
+TEST_CASE("a heap of bodies that cross nearly everywhere is refused before it is divided") {
+  // Dividing these 6000 faces took a minute.
+  Random random(5);
+  TriangleMesh heap;
+  for (int32_t k = 0; k < 1500; ++k) {
+    const Vector3d middle = random.InBox({0, 0, 0}, {30, 30, 30});
+    for (int corner = 0; corner < 4; ++corner) {
+      heap.vertices_mm.emplace_back(middle + random.InBox({-3, -3, -3}, {3, 3, 3}));
+    }
+    const int32_t a = 4 * k, b = a + 1, c = a + 2, d = a + 3;
+    for (const auto& face : {std::array{a, c, b}, {a, b, d}, {a, d, c}, {b, c, d}}) {
+      heap.triangles.push_back({face[0], face[1], face[2]});
+    }
+  }
+  CHECK_THROWS_WITH(RepairSurface(heap, "x"), Catch::Matchers::Contains("nearly everywhere"));
 }
 
 }  // namespace
