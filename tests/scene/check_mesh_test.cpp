@@ -98,12 +98,14 @@ TEST_CASE("A mesh check works under a hard limit of processor time", "[scene]") 
   const TemporaryFolder folder;
   torquer::vessel::WriteObj(folder.Path("a.obj"), torquer::vessel::MakeTubeMesh());
   // A process that may raise hard limits, as root may, hands this on to no other one here.
-  ChildProcess program(
-      {"/bin/bash", "-c",
-       "ulimit -t 10; without='setpriv --bounding-set -sys_resource'; $without true 2>&- || "
-       "without=; exec $without \"$@\"",
-       "limited", torquer::test::ProgramPath("torquer-simulator"), "--check-mesh",
-       folder.Path("a.obj")});
+  const std::string limited = R"(
+ulimit -t 10
+without='setpriv --bounding-set -sys_resource'
+$without true 2>&- || without=
+exec $without "$@")";
+  ChildProcess program({"/bin/bash", "-c", limited, "limited",
+                        torquer::test::ProgramPath("torquer-simulator"), "--check-mesh",
+                        folder.Path("a.obj")});
   CHECK(program.Wait() == 0);
   CHECK_THAT(program.Output(), Contains("loads:        yes"));
 }

@@ -24,7 +24,7 @@ std::string AsText(const TriangleMesh& mesh, size_t triangles_per_solid) {
     if (i % triangles_per_solid == 0) text += "solid part " + std::to_string(i) + "\n";
     text += " facet normal 0 0 0\n  outer loop\n";
     for (int corner = 0; corner < 3; ++corner) {
-      const Eigen::Vector3d v = mesh.Corner(i, corner);
+      const Eigen::Vector3d& v = mesh.Corner(i, corner);
       text += "   vertex " + std::to_string(v.x()) + " " + std::to_string(v.y()) + " " +
               std::to_string(v.z()) + "\n";
     }
