@@ -231,14 +231,21 @@ def _refuse_surface(reader: _Reader, piece: Element) -> None:
 
 
 def _joined(lines: List[Any]) -> List[Any]:
-    """Joins lines of two points into longer ones, up to the points where they end or branch."""
-    steps = list(dict.fromkeys(tuple(line.tolist()) for line in lines if len(line) == 2))
+    """Joins lines of two points into longer ones, up to the points where they end or branch.
+
+    The lines keep their order; a joined one has the place of its first.
+    """
+    places: Dict[Tuple[int, int], int] = {}  # by step
+    for place, line in enumerate(lines):
+        if len(line) == 2:
+            places.setdefault((int(line[0]), int(line[1])), place)
+    steps = list(places)
     meeting: Dict[int, List[int]] = {}  # the steps at a point; -1 stands for a longer line
     for k, step in enumerate(steps):
         for node in step:
             meeting.setdefault(node, []).append(k)
-    longer = [line for line in lines if len(line) > 2]
-    for line in longer:
+    joined = {place: line for place, line in enumerate(lines) if len(line) > 2}
+    for line in joined.values():
         for node in line.tolist():
             meeting.setdefault(node, []).append(-1)
     used = [False] * len(steps)
@@ -254,14 +261,13 @@ def _joined(lines: List[Any]) -> List[Any]:
             way.append(node)
         return way
 
-    chains = []
     for k, (start, end) in enumerate(steps):
         if used[k]:
             continue
         used[k] = True
         onward = [start, end, *follow(end)]
-        chains.append(np.array([*reversed(follow(start)), *onward]))
-    return longer + chains
+        joined[places[start, end]] = np.array([*reversed(follow(start)), *onward])
+    return [joined[place] for place in sorted(joined)]
 
 
 def read_vtp(path: Union[str, "os.PathLike[str]"]) -> List[Line]:
