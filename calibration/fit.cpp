@@ -72,6 +72,7 @@ double DeclaredShare(const Unknowns& gradient, std::span<const Source> sources) 
 
 // A line through the origin: counts = slope * reference.
 struct Line {
+  int count = 0;  // of strokes
   Vector2 slope{};
   Matrix2 covariance{};  // of the slope, from the scatter
   double degrees_of_freedom = 0.0;
@@ -82,23 +83,25 @@ Line FitLine(std::span<const Stroke> strokes, MotionKind kind) {
   double weights = 0.0;
   double squares = 0.0;
   Line line;
-  int count = 0;
   for (const Stroke& stroke : strokes) {
     if (stroke.kind != kind) continue;
-    ++count;
+    ++line.count;
     const double weight = 1.0 / (stroke.reference_error * stroke.reference_error);
     weights += weight;
     squares += weight * stroke.reference * stroke.reference;
     line.slope[0] += weight * stroke.reference * stroke.axial_counts;
     line.slope[1] += weight * stroke.reference * stroke.transverse_counts;
   }
-  if (count < 2) {
+  if (line.count < 2) {
     throw UserError(fmt::format(
         "there {} {} {}; take at least two, because their scatter gives the error of the result",
-        count == 1 ? "is" : "are", count, kind == MotionKind::kPush ? "pushes" : "turns"));
+        line.count == 1 ? "is" : "are", line.count,
+        kind == MotionKind::kPush   ? "pushes"
+        : kind == MotionKind::kTurn ? "turns"
+                                    : "raised pushes"));
   }
   for (double& slope : line.slope) slope /= squares;
-  line.degrees_of_freedom = count - 1;
+  line.degrees_of_freedom = line.count - 1;
   line.reference = std::sqrt(squares / weights);
   for (const Stroke& stroke : strokes) {
     if (stroke.kind != kind) continue;
@@ -192,7 +195,8 @@ void Check(const Stroke& stroke, std::size_t index) {
 void Check(const CommonErrors& common) {
   for (const auto& [field, value] :
        {std::pair{"push_mm", common.push_mm}, std::pair{"push_turn_rad", common.push_turn_rad},
-        std::pair{"turn_rad", common.turn_rad}, std::pair{"turn_push_mm", common.turn_push_mm}}) {
+        std::pair{"turn_rad", common.turn_rad}, std::pair{"turn_push_mm", common.turn_push_mm},
+        std::pair{"height_gain", common.height_gain}}) {
     if (!(value >= 0.0 && std::isfinite(value))) {
       throw UserError(fmt::format("common error {} = {:g}; give a standard deviation, 0 or more",
                                   field, value));
@@ -213,6 +217,54 @@ void CheckApart(const Line& push, const Line& turn) {
       "push along the axis and turn about it, and see whether the sensor looks at the cylinder");
 }
 
+// Change of the counts along the pushes when the cylinder is raised. Pushes and raised pushes share
+// one scatter.
+Estimate HeightGain(const Line& push, const Line& raised) {
+  const double square = push.slope[0] * push.slope[0] + push.slope[1] * push.slope[1];
+  const auto variance_of_one = [&](const Line& line) {
+    double along = 0.0;
+    for (std::size_t i = 0; i < 2; ++i) {
+      for (std::size_t j = 0; j < 2; ++j) {
+        along += push.slope[i] * line.covariance[i][j] * push.slope[j];
+      }
+    }
+    return line.count * along / (square * square);
+  };
+  Estimate gain;
+  gain.value = (raised.slope[0] * push.slope[0] + raised.slope[1] * push.slope[1]) / square - 1.0;
+  gain.degrees_of_freedom = push.degrees_of_freedom + raised.degrees_of_freedom;
+  const double scatter = (push.degrees_of_freedom * variance_of_one(push) +
+                          raised.degrees_of_freedom * variance_of_one(raised)) /
+                         gain.degrees_of_freedom;
+  const double rounding = kRoundingVariance / (raised.reference * raised.reference * square);
+  gain.standard_error = std::sqrt((scatter + rounding) / raised.count);
+  return gain;
+}
+
+// Pushes and turns grow together with the height: all unknowns by the same share.
+Source HeightSource(const Unknowns& counts, const Estimate& height_gain) {
+  Source source;
+  source.degrees_of_freedom = height_gain.degrees_of_freedom;
+  const double variance = height_gain.standard_error * height_gain.standard_error;
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = 0; j < 4; ++j) source.covariance[i][j] = variance * counts[i] * counts[j];
+  }
+  return source;
+}
+
+// Height gain from the raised pushes, or the declared bound without any.
+void AddHeightGain(std::span<const Stroke> strokes, const Line& push, const CommonErrors& common,
+                   MotionFit& fit) {
+  fit.height_measured = std::any_of(strokes.begin(), strokes.end(), [](const Stroke& stroke) {
+    return stroke.kind == MotionKind::kRaisedPush;
+  });
+  fit.height_gain.degrees_of_freedom = kInfinity;
+  fit.height_gain.bound = common.height_gain;
+  if (!fit.height_measured) return;
+  fit.height_gain = HeightGain(push, FitLine(strokes, MotionKind::kRaisedPush));
+  fit.height_gain.bound = std::abs(fit.height_gain.value);
+}
+
 double Mean(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
@@ -221,11 +273,12 @@ void AddResiduals(std::span<const Stroke> strokes, const Line& push, const Line&
                   MotionFit& fit) {
   const Matrix2& m = fit.model.per_count;
   for (const Stroke& stroke : strokes) {
-    const bool is_push = stroke.kind == MotionKind::kPush;
+    const bool is_push = stroke.kind != MotionKind::kTurn;
     HandMotion residual{is_push ? stroke.reference : 0.0, is_push ? 0.0 : stroke.reference};
     residual.insertion_mm -= m[0][0] * stroke.axial_counts + m[0][1] * stroke.transverse_counts;
     residual.rotation_rad -= m[1][0] * stroke.axial_counts + m[1][1] * stroke.transverse_counts;
     fit.residuals.push_back(residual);
+    if (stroke.kind == MotionKind::kRaisedPush) continue;
     HandMotion& scatter = is_push ? fit.push_scatter : fit.turn_scatter;
     const double share = 1.0 / (is_push ? push : turn).degrees_of_freedom;
     scatter.insertion_mm += share * residual.insertion_mm * residual.insertion_mm;
@@ -245,7 +298,7 @@ double StudentHalfWidth95(double degrees_of_freedom) {
 }
 
 double Estimate::HalfWidth95() const {
-  return standard_error * StudentHalfWidth95(degrees_of_freedom);
+  return standard_error * StudentHalfWidth95(degrees_of_freedom) + bound;
 }
 
 MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common, int cpi) {
@@ -254,20 +307,31 @@ MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common,
   const Line push = FitLine(strokes, MotionKind::kPush);
   const Line turn = FitLine(strokes, MotionKind::kTurn);
   CheckApart(push, turn);
-  const std::vector<Source> sources = Sources(push, turn, common);
   const Unknowns counts{push.slope[0], push.slope[1], turn.slope[0], turn.slope[1]};
 
   MotionFit fit;
+  AddHeightGain(strokes, push, common, fit);
+  std::vector<Source> sources = Sources(push, turn, common);
+  if (fit.height_measured) sources.push_back(HeightSource(counts, fit.height_gain));
+  // An estimate with the share of it that the height may change.
+  const auto propagate = [&](double value, const Unknowns& gradient) {
+    Estimate estimate = Propagate(value, gradient, sources);
+    const double change = std::inner_product(gradient.begin(), gradient.end(), counts.begin(), 0.0);
+    estimate.bound = std::abs(change) * fit.height_gain.bound;
+    return estimate;
+  };
   fit.model.cpi = cpi;
   fit.model.per_count = Inverse(counts);
   const auto estimate = [&](const std::function<double(const MotionModel&)>& value) {
-    return Propagate(value(fit.model), Gradient(counts, value), sources);
+    return propagate(value(fit.model), Gradient(counts, value));
   };
   for (std::size_t row = 0; row < 2; ++row) {
     for (std::size_t column = 0; column < 2; ++column) {
-      fit.model.standard_error[row][column] = estimate([=](const MotionModel& model) {
-                                                return model.per_count[row][column];
-                                              }).standard_error;
+      const Estimate element =
+          estimate([=](const MotionModel& model) { return model.per_count[row][column]; });
+      // Within its bound the height is taken as uniform.
+      fit.model.standard_error[row][column] =
+          std::hypot(element.standard_error, element.bound / std::numbers::sqrt3);
     }
   }
   const auto parameter = [&](double MotionParameters::*field) {
@@ -288,10 +352,10 @@ MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common,
     return gradient;
   };
   constexpr double kTurn = 2.0 * std::numbers::pi;
-  fit.push_error_mm = Propagate(0.0, figure(0, 0, kFigureStrokeMm), sources);
-  fit.push_turns_rad = Propagate(0.0, figure(1, 0, kFigureStrokeMm), sources);
-  fit.turn_error_rad = Propagate(0.0, figure(1, 2, kTurn), sources);
-  fit.turn_pushes_mm = Propagate(0.0, figure(0, 2, kTurn), sources);
+  fit.push_error_mm = propagate(0.0, figure(0, 0, kFigureStrokeMm));
+  fit.push_turns_rad = propagate(0.0, figure(1, 0, kFigureStrokeMm));
+  fit.turn_error_rad = propagate(0.0, figure(1, 2, kTurn));
+  fit.turn_pushes_mm = propagate(0.0, figure(0, 2, kTurn));
   fit.push_declared_share = DeclaredShare(figure(0, 0, kFigureStrokeMm), sources);
   fit.turn_declared_share = DeclaredShare(figure(1, 2, kTurn), sources);
   AddResiduals(strokes, push, turn, fit);

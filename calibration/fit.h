@@ -14,7 +14,11 @@
 
 namespace torquer::calibration {
 
-enum class MotionKind { kPush, kTurn };
+enum class MotionKind {
+  kPush,
+  kTurn,
+  kRaisedPush  ///< a push with the cylinder raised to the top of its play
+};
 
 /// One stroke or some whole turns, from rest to rest.
 struct Stroke {
@@ -31,7 +35,14 @@ struct CommonErrors {
   double push_turn_rad = 0.0;  ///< the hand's habit of turning in each push
   double turn_rad = 0.0;       ///< of the angle that was turned
   double turn_push_mm = 0.0;   ///< the hand's habit of pushing in each turn
+  /// Largest change of the gain by the height of the cylinder, as a share; a bound, not a standard
+  /// deviation. Raised pushes replace it by a measured one.
+  double height_gain = 0.0;
 };
+
+/// Largest share by which the counts of a motion change for each millimeter of height: PMW3360 data
+/// sheet 1.50, figure 12 (0.028 to 0.13 by surface), and feature spacing in pictures (0.15).
+inline constexpr double kLargestHeightGain_per_mm = 0.15;
 
 /// Half the width of the interval that holds 95 % of Student's t distribution with
 /// `degrees_of_freedom` (> 0, need not be whole; infinity gives the normal distribution's 1.96).
@@ -42,7 +53,10 @@ struct Estimate {
   double value = 0.0;
   double standard_error = 0.0;
   double degrees_of_freedom = 1.0;  ///< by Welch and Satterthwaite; infinite for declared errors
-  double HalfWidth95() const;       ///< the truth is within value -+ this in 95 % of runs
+  /// Further error of unknown distribution, >= 0: the height of the cylinder while it is used.
+  double bound = 0.0;
+  /// The truth is within value -+ this in at least 95 % of runs, wherever in its bound it is.
+  double HalfWidth95() const;
 };
 
 struct MotionFit {
@@ -62,6 +76,10 @@ struct MotionFit {
   /// more strokes would not remove.
   double push_declared_share = 0.0, turn_declared_share = 0.0;
 
+  /// Change of the counts from a push at rest to a raised one, as a share; 0 without raised pushes.
+  Estimate height_gain;
+  bool height_measured = false;  ///< by raised pushes; else height_gain is the declared bound
+
   /// Reference less model, one a stroke, in the order given.
   std::vector<HandMotion> residuals;
   /// Scatter of one stroke, standard deviations.
@@ -72,8 +90,8 @@ struct MotionFit {
 inline constexpr double kFigureStrokeMm = 150.0;
 
 /// Throws UserError naming stroke, value and remedy when a number is not finite or not as above,
-/// when there are fewer than two pushes or two turns, or when pushes and turns move the counts the
-/// same way.
+/// when there are fewer than two pushes or two turns, a single raised push, or when pushes and
+/// turns move the counts the same way.
 MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common, int cpi);
 
 /// A joystick axis from readings (0 .. 1023) with the stick at rest, released several times, and

@@ -1,10 +1,13 @@
 #include "calibration/focus.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
+#include <iterator>
+#include <map>
 #include <numeric>
 
 #include "host/support/error.h"
@@ -14,10 +17,8 @@ namespace {
 
 // Below this SQUAL the reports are taken for doubtful (host/daemon does so too).
 constexpr int kPoorQuality = 16;
-// Paper in focus shows more difference from pixel to pixel than this; the flange a quarter of a
-// millimeter off, less. Found with the emulated camera; a real one may differ.
-constexpr double kBlurred = 0.10;
-constexpr double kStrongShading = 1.35;
+// Across the pipe. Flat targets under a real sensor have 1.00 to 1.12 there (README.md).
+constexpr double kStrongShading = 1.25;
 constexpr double kMuchDirt = 0.04;
 constexpr double kDark = 0.15, kBright = 0.85;
 constexpr double kMuchSaturated = 0.02;
@@ -27,7 +28,8 @@ constexpr double kNoContrast = 0.02;
 constexpr double kDirtDepth = 0.18;
 constexpr int kDirtRadius = 2;
 
-using Plane = std::array<double, 3>;  // at the middle, a pixel to the right, a pixel down
+// Value at the middle, slope along the pipe (column) and across it (row), a pixel each.
+using Plane = std::array<double, 3>;
 
 double FromMiddle(int index) { return index - (kFocusSide - 1) / 2.0; }
 
@@ -138,10 +140,12 @@ FocusFigures MeasureFocus(std::span<const FocusPicture> pictures) {
   figures.brightness = middle / kFocusWhite;
   if (middle <= 0) return figures;
 
-  const double slope = std::hypot(plane[1], plane[2]);
-  const double rise = std::min(slope * (kFocusSide - 1) / 2, 0.98 * middle);
-  figures.shading = (middle + rise) / (middle - rise);
-  figures.shading_direction_rad = std::atan2(plane[2], plane[1]);
+  const auto ratio = [middle](double slope) {
+    const double rise = std::min(std::abs(slope) * (kFocusSide - 1) / 2, 0.98 * middle);
+    return (middle + rise) / (middle - rise);
+  };
+  figures.shading_along = ratio(plane[1]);
+  figures.shading_across = ratio(plane[2]);
   figures.contrast = std::sqrt(variance) / middle;
   // Rounding to whole numbers adds this variance to both; it is not a property of the paper.
   constexpr double kRounding = 1.0 / 12;
@@ -184,17 +188,11 @@ FocusVerdict JudgeFocus(std::span<const FocusPicture> pictures, int surface_qual
                "window, look for glue and for the window's edge.",
                100 * seen.dirt));
     }
-    if (seen.sharpness < kBlurred) {
+    if (seen.shading_across > kStrongShading) {
       found.push_back(
-          Said("The picture is blurred (sharpness %.2f): take a shim away; if that makes "
-               "it worse, add one.",
-               seen.sharpness));
-    }
-    if (seen.shading > kStrongShading) {
-      found.push_back(
-          Said("One edge of the view is %.2f times as bright as the other: the board lies "
-               "across the pipe, or the lens beside its crest.",
-               seen.shading));
+          Said("One side of the view is %.2f times as bright as the other, across the pipe: light "
+               "falls from the side, or the board is turned, or the lens is beside the crest.",
+               seen.shading_across));
     }
   }
   if (surface_quality < kPoorQuality) {
@@ -204,9 +202,55 @@ FocusVerdict JudgeFocus(std::span<const FocusPicture> pictures, int surface_qual
   }
   verdict.good = found.empty();
   if (verdict.good) {
-    found.push_back(Said("Sharp, clean and evenly lit; surface %.0f.", surface_quality));
+    found.push_back(Said("Clean and evenly lit across the pipe; surface %.0f.", surface_quality));
   }
   return verdict;
+}
+
+FocusSearch FindFocus(std::span<const FocusHeight> heights) {
+  if (heights.empty()) throw UserError("no height to judge; take a picture first");
+  std::map<double, double> sharpness;
+  for (const FocusHeight& height : heights) {
+    if (!(height.shims_mm >= 0 && height.sharpness >= 0) || !std::isfinite(height.shims_mm) ||
+        !std::isfinite(height.sharpness)) {
+      throw UserError(fmt::format(
+          "shims of {:g} mm with sharpness {:g}: give numbers that are finite and 0 or more",
+          height.shims_mm, height.sharpness));
+    }
+    sharpness[height.shims_mm] = height.sharpness;
+  }
+  const auto best =
+      std::max_element(sharpness.begin(), sharpness.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  FocusSearch search;
+  if (best == sharpness.begin() || std::next(best) == sharpness.end()) {
+    const bool more = std::next(best) == sharpness.end() && best->first > 0;
+    const bool alone = sharpness.size() == 1;
+    search.advice = fmt::format(
+        "Sharpest so far with shims of {:.2f} mm: take a picture with {} too.", best->first,
+        alone             ? "more and with less"
+        : more            ? "more"
+        : best->first > 0 ? "less"
+                          : "more, or lower the carrier");
+    return search;
+  }
+  // Parabola through three points: vertex where the slope of the interpolation is 0.
+  const auto below = std::prev(best), above = std::next(best);
+  const double rise = (best->second - below->second) / (best->first - below->first);
+  const double fall = (above->second - best->second) / (above->first - best->first);
+  const double bend = (fall - rise) / (above->first - below->first);
+  const double middle = (below->first + best->first) / 2;
+  search.best_shims_mm = bend < 0 ? middle - rise / (2 * bend) : best->first;
+  const double now_mm = heights.back().shims_mm;
+  search.in_focus = std::abs(now_mm - *search.best_shims_mm) <= kFocusTolerance_mm + 1e-9;
+  search.advice = search.in_focus
+                      ? fmt::format("In focus: the surface is sharpest with shims of {:.2f} mm.",
+                                    *search.best_shims_mm)
+                      : fmt::format(
+                            "The surface is sharpest with shims of {:.2f} mm: change them "
+                            "from {:.2f} mm and look again.",
+                            *search.best_shims_mm, now_mm);
+  return search;
 }
 
 }  // namespace torquer::calibration

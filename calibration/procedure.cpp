@@ -21,9 +21,6 @@ constexpr std::int64_t kRestUs = 1500000;
 constexpr double kRestCounts = 6.0;
 constexpr std::int64_t kRestPatienceUs = 8000000;
 
-constexpr std::int64_t kLiftedUs = 200000;
-constexpr double kLiftCounts = 20.0;
-
 bool NumberWithin(double value, double low, double high) { return value >= low && value <= high; }
 
 void Require(bool good, const char* name, double value, const char* range) {
@@ -40,6 +37,7 @@ Procedure::Procedure(const ProcedureSettings& settings) : settings_(settings) {
           settings.length_error_mm, "from 0.001 mm to a tenth of the length");
   Require(NumberWithin(settings.cylinder_radius_mm, 0.2, 100), "cylinder radius",
           settings.cylinder_radius_mm, "from 0.2 to 100 mm");
+  Require(NumberWithin(settings.play_mm, 0, 2), "play", settings.play_mm, "from 0 to 2 mm");
   Require(NumberWithin(settings.pushes, 3, 100), "number of pushes", settings.pushes,
           "from 3 to 100");
   Require(NumberWithin(settings.turn_strokes, 3, 100), "number of strokes of turns",
@@ -91,10 +89,10 @@ void Procedure::GoOn() {
   };
   switch (step_) {
     case Step::kRest:
-      return next(settings_.tells_lift ? Step::kLift : Step::kPushes);
-    case Step::kLift:
       return next(Step::kPushes);
     case Step::kPushes:
+      return next(Step::kRaised);
+    case Step::kRaised:
       return next(Step::kTurns);
     case Step::kTurns:
       return next(settings_.has_joystick ? Step::kJoystick : Step::kDone);
@@ -117,9 +115,8 @@ void Procedure::Take(const Reading& reading) {
   switch (step_) {
     case Step::kRest:
       return Rest(reading);
-    case Step::kLift:
-      return Lift(reading);
     case Step::kPushes:
+    case Step::kRaised:
     case Step::kTurns:
       return Follow(reading);
     case Step::kJoystick:
@@ -143,8 +140,15 @@ void Procedure::Press(Key key) {
     case Step::kRest:
       Say(Message::Kind::kInfo, "rest was not checked: the sensor may drift");
       return GoOn();
-    case Step::kLift:
-      Say(Message::Kind::kInfo, "lifting was not checked");
+    case Step::kRaised:
+      Say(Message::Kind::kInfo,
+          fmt::format("the height was not measured: its play of {:g} mm counts as an error of up "
+                      "to {:.1f} %",
+                      settings_.play_mm, 100 * kLargestHeightGain_per_mm * settings_.play_mm));
+      std::erase_if(strokes_, [](const RecordedStroke& recorded) {
+        return recorded.stroke.kind == MotionKind::kRaisedPush;
+      });
+      rejections_ = JudgeStrokes(strokes_, Expectation());
       return GoOn();
     case Step::kJoystick:
       Say(Message::Kind::kInfo, "the joystick keeps its nominal center and ends");
@@ -201,40 +205,6 @@ void Procedure::Rest(const Reading& reading) {
         "the count changes at rest; keep your hands off; if it still changes, look for a shiny "
         "cylinder, a wrong distance or light from the side");
   }
-}
-
-// --- lift ----------------------------------------------------------------------------------------
-
-void Procedure::Lift(const Reading& reading) {
-  if (reading.interrupted) lifted_since_us_ = landed_since_us_ = -1;
-  if (reading.lifted) {
-    if (lifted_since_us_ < 0) {
-      lifted_since_us_ = reading.time_us;
-      lifted_from_ = reading;
-    }
-    landed_since_us_ = -1;
-    return;
-  }
-  if (lifted_since_us_ < 0) return;
-  if (landed_since_us_ < 0) {
-    if (reading.time_us - lifted_since_us_ < kLiftedUs) {
-      lifted_since_us_ = -1;  // a flicker
-      return;
-    }
-    landed_since_us_ = reading.time_us;
-    const double moved = std::hypot(
-        static_cast<double>(reading.axial_counts - lifted_from_->axial_counts),
-        static_cast<double>(reading.transverse_counts - lifted_from_->transverse_counts));
-    lift_checked_ = moved <= kLiftCounts;
-    Say(lift_checked_ ? Message::Kind::kAccepted : Message::Kind::kRejected,
-        lift_checked_
-            ? fmt::format("the sensor detects lifting; the count changed by {:.0f} while lifted",
-                          moved)
-            : fmt::format("the sensor detects lifting, but the count changed by {:.0f} while "
-                          "lifted; set the sensor closer, so that it loses the surface sooner",
-                          moved));
-  }
-  if (reading.time_us - landed_since_us_ >= kStillUs) GoOn();
 }
 
 // --- strokes -------------------------------------------------------------------------------------
@@ -309,7 +279,7 @@ void Procedure::TakeMark(const Counts& place) {
 
 void Procedure::EndStroke() {
   const StrokeExpectation expected = Expectation();
-  const bool push = step_ == Step::kPushes;
+  const bool push = Pushing();
   current_.stroke.kind = kind();
   current_.stroke.reference = push ? expected.push_mm : expected.turn_rad;
   current_.stroke.reference_error = push ? expected.push_error_mm : expected.turn_error_rad;
@@ -317,7 +287,9 @@ void Procedure::EndStroke() {
   strokes_.push_back(current_);
   current_ = {};
   Judge();
-  const int wanted = push ? settings_.pushes : settings_.turn_strokes;
+  const int wanted = step_ == Step::kPushes   ? settings_.pushes
+                     : step_ == Step::kRaised ? kRaisedPushes
+                                              : settings_.turn_strokes;
   if (Good(kind()) >= wanted) GoOn();
 }
 
@@ -325,10 +297,11 @@ void Procedure::EndStroke() {
 void Procedure::Judge() {
   const std::vector<Rejection> before = rejections_;
   rejections_ = JudgeStrokes(strokes_, Expectation());
-  std::array<int, 2> number{};
+  constexpr std::array<const char*, 3> kNames{"push", "turns", "raised push"};
+  std::array<int, 3> number{};
   for (std::size_t i = 0; i < strokes_.size(); ++i) {
-    const bool push = strokes_[i].stroke.kind == MotionKind::kPush;
-    const std::string name = fmt::format("{} {}", push ? "push" : "turns", ++number[push ? 0 : 1]);
+    const auto kind = static_cast<std::size_t>(strokes_[i].stroke.kind);
+    const std::string name = fmt::format("{} {}", kNames[kind], ++number[kind]);
     const bool is_new = i >= before.size();
     if (is_new && !rejections_[i]) {
       Say(Message::Kind::kAccepted, name + fmt::format(": {:+.0f} axial, {:+.0f} transverse counts",
@@ -376,6 +349,7 @@ ProcedureResult Procedure::Result() const {
   common.push_mm = settings_.ruler ? settings_.ruler_scale_mm : settings_.length_error_mm;
   common.push_turn_rad = settings_.push_turn_habit_rad;
   common.turn_push_mm = settings_.turn_push_habit_mm;
+  common.height_gain = kLargestHeightGain_per_mm * settings_.play_mm;
   result.fit = FitMotion(good, common, settings_.cpi);
   result.calibration.motion = result.fit.model;
   if (axes_) {
@@ -392,7 +366,6 @@ ProcedureResult Procedure::Result() const {
     result.mean_surface_quality = quality_sum_ / static_cast<double>(quality_readings_);
   }
   result.rest_checked = rest_checked_;
-  result.lift_checked = lift_checked_;
   result.joystick_measured = axes_.has_value();
   return result;
 }

@@ -21,10 +21,6 @@ Prompt Procedure::prompt() const {
       prompt.title = "Rest";
       prompt.instruction = "Hands off the torquer and the joystick";
       break;
-    case Step::kLift:
-      prompt.title = "Lift";
-      prompt.instruction = "Draw the cylinder from under the sensor, wait a second, put it back";
-      break;
     case Step::kPushes:
       prompt.title = "Pushes";
       prompt.done = Good(MotionKind::kPush);
@@ -39,6 +35,18 @@ Prompt Procedure::prompt() const {
                                length),
                    "Pull it straight back to the near stop, then press Enter");
       break;
+    case Step::kRaised: {
+      prompt.title = "Raised pushes";
+      prompt.done = Good(MotionKind::kRaisedPush);
+      prompt.wanted = kRaisedPushes;
+      const std::string stop = settings_.ruler ? "0 mm on the ruler" : "the near stop";
+      prompt.instruction =
+          at("Press the wire upward, keep it so, pull it to " + stop + ", then press Enter",
+             fmt::format("Still pressing upward, push it by {:.1f} mm as before, then press Enter",
+                         length),
+             "Still pressing upward, pull it back to " + stop + ", then press Enter");
+      break;
+    }
     case Step::kTurns:
       prompt.title = "Turns";
       prompt.done = Good(MotionKind::kTurn);

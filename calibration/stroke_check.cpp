@@ -39,7 +39,7 @@ struct Surface {
 Surface SurfaceOf(const Stroke& stroke, const StrokeExpectation& expected) {
   const double axial = stroke.axial_counts * expected.gain_mm_per_count;
   const double transverse = stroke.transverse_counts * expected.gain_mm_per_count;
-  if (stroke.kind == MotionKind::kPush) return {axial, transverse};
+  if (stroke.kind != MotionKind::kTurn) return {axial, transverse};
   return {transverse, axial};
 }
 
@@ -95,7 +95,7 @@ Rejection JudgeAlone(const RecordedStroke& recorded, const StrokeExpectation& ex
     return "the sensor was lifted, or tracked the surface poorly, during the stroke";
   }
   const Surface surface = SurfaceOf(recorded.stroke, expected);
-  return recorded.stroke.kind == MotionKind::kPush
+  return recorded.stroke.kind != MotionKind::kTurn
              ? JudgePush(surface, recorded.stroke.reference, expected)
              : JudgeTurn(surface, recorded.stroke.reference, expected);
 }
@@ -201,7 +201,7 @@ bool RefuseOne(std::span<const RecordedStroke> strokes, std::vector<Rejection>& 
                MotionKind kind, const StrokeExpectation& expected) {
   const std::vector<Deviation> deviations = Deviations(strokes, rejections, kind, expected);
   if (deviations.empty()) return false;
-  const bool push = kind == MotionKind::kPush;
+  const bool push = kind != MotionKind::kTurn;
   const double floor_mm = kSensorCounts * expected.gain_mm_per_count;
   const double radius = expected.cylinder_radius_mm;
   const double along_mm =
@@ -243,7 +243,7 @@ std::vector<Rejection> JudgeStrokes(std::span<const RecordedStroke> strokes,
                                     const StrokeExpectation& expected) {
   std::vector<Rejection> rejections;
   for (const RecordedStroke& stroke : strokes) rejections.push_back(JudgeAlone(stroke, expected));
-  for (const MotionKind kind : {MotionKind::kPush, MotionKind::kTurn}) {
+  for (const MotionKind kind : {MotionKind::kPush, MotionKind::kTurn, MotionKind::kRaisedPush}) {
     while (RefuseOne(strokes, rejections, kind, expected)) {
     }
   }

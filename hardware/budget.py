@@ -20,6 +20,8 @@ MM_PER_INCH = 25.4
 MAXIMUM_SPEED_IPS = 250
 CPIS = (400, 800, 1200, 1600, 3200, 6400, 12000)
 RADII_MM = (4.0, 5.0, 6.0, 8.0)
+# Decrease of the resolution for each millimeter of height, smallest and largest of the surfaces in figure 12.
+HEIGHT_GAIN_PER_MM = (0.028, 0.13)
 HALF_VIEW_MM = 0.5  # of what the sensor sees, at a magnification of 1:1; assumed
 # Angle of the sensor's LED light to the vertical: assumed, because such sensors use flat light. It gives the shading
 # across the cylinder that an ordinary mouse sensor shows on one, about 1.7 to 1.
@@ -156,6 +158,13 @@ def focus_mm() -> dict[str, tuple[float, float]]:
     }
 
 
+def height_errors(gain_per_mm: float, play_mm: float) -> tuple[float, float, float]:
+    """Error of a motion whose cylinder rises by `play_mm` after the calibration: as a share, in mm over
+    the stroke, and in degrees a turn."""
+    share = gain_per_mm * play_mm
+    return share, share * STROKE_MM, share * 360
+
+
 def roll_rad(clearance_mm: float, radius_mm: float) -> float:
     """Rotation counted if the cylinder shifts sideways by its whole play."""
     return 2 * clearance_mm / radius_mm
@@ -218,6 +227,13 @@ def resolution_table() -> list[list[str]]:
     return rows
 
 
+def height_row() -> list[str]:
+    low, high = (height_errors(gain, 2 * CLEARANCE_MM) for gain in HEIGHT_GAIN_PER_MM)
+    error = (f"{100 * low[0]:.1f} to {100 * high[0]:.1f} % more: {low[1]:.1f} to {high[1]:.1f} mm in "
+             f"{STROKE_MM:g} mm, {low[2]:.0f} to {high[2]:.0f} degrees a turn")
+    return [error, "stays; the calibration measures and states it"]
+
+
 def error_table() -> list[list[str]]:
     one, fitted = math.radians(1), math.radians(0.05)
     rate, dead_zone = joystick_defaults()
@@ -244,6 +260,7 @@ def error_table() -> list[list[str]]:
          f"{100 * foreshortening(HALF_VIEW_MM, RADIUS_MM):.2f} %", "0"],
         ["sensor 0.5 mm beside the crest: turning looks shorter by",
          f"{100 * offset_foreshortening(0.5, RADIUS_MM):.2f} %", "0"],
+        [f"cylinder raised by its play of {2 * CLEARANCE_MM:g} mm: counts", *height_row()],
         [f"play of {CLEARANCE_MM:g} mm in the pipe: rolling from side to side",
          f"{math.degrees(roll_rad(CLEARANCE_MM, RADIUS_MM)):.1f} degrees", "stays"],
         ["fastest push that the sensor follows",

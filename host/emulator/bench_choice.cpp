@@ -41,10 +41,18 @@ void AddBenchOptions(Options& options, BenchChoice& choice) {
                  "ratio of the sensor's counts to the nominal counts");
   options.Number("--lens-distance", "MM", choice.options.optics.distance_mm, 0, 20,
                  "distance from the lens to the surface; the sensor is in focus from 2.2 to 2.6");
+  options.Number("--height-gain", "SHARE", choice.options.optics.magnification_per_mm, -0.3, 0,
+                 "change of the sensor's counts for each millimeter that the surface is farther "
+                 "away");
+  options.Number("--play", "MM", choice.options.play_mm, 0, 2,
+                 "height by which the hand can raise the cylinder in its bore");
   options.Number("--dirt", "SHARE", choice.options.optics.dirt, 0, 1,
                  "fraction of the sensor's field of view that dirt covers");
-  options.Number("--shading", "RATIO", choice.options.optics.shading, 1, 100,
-                 "brightness ratio between opposite edges of the sensor's field of view");
+  options.Number("--lamp-shading", "RATIO", choice.options.optics.lamp_shading, 0.01, 100,
+                 "brightness ratio between the ends of the sensor's field of view, along the pipe");
+  options.Number("--shading", "RATIO", choice.options.optics.side_shading, 0.01, 100,
+                 "brightness ratio between the sides of the sensor's field of view, across the "
+                 "pipe");
 }
 
 }  // namespace torquer::emulator

@@ -97,7 +97,8 @@ void BenchDevice::PowerOn() {
   sensor_.SetSurface([this](double us) {
     const HandState hand = hand_((power_on_us_ + us) * 1e-6);
     return VirtualPmw3360::Position{hand.insertion_mm,
-                                    hand.rotation_rad * options_.cylinder_radius_mm};
+                                    hand.rotation_rad * options_.cylinder_radius_mm,
+                                    hand.raises ? options_.play_mm : 0.0};
   });
   chip_->OnPin(kSensorSelectPort, kSensorSelectBit,
                [this](bool high, double us) { sensor_.SetSelected(!high, us); });

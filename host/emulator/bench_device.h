@@ -18,6 +18,9 @@ namespace torquer::emulator {
 
 struct BenchOptions {
   double cylinder_radius_mm = 5.0;
+  /// Height by which a hand can lift the cylinder in its bore, mm; the default is without a
+  /// preload.
+  double play_mm = 0.3;
   SensorImperfections sensor;
   /// Position of the sensor over the cylinder, as its camera sees it.
   SurfaceOptics optics;

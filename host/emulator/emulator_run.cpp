@@ -88,7 +88,9 @@ double EmulatorRun::MotionTime(double time_s) const {
 }
 
 HandState EmulatorRun::HandAt(double time_s) const {
-  return options_.motion.empty() ? live_hand_.At(time_s) : script_.At(MotionTime(time_s));
+  HandState hand = options_.motion.empty() ? live_hand_.At(time_s) : script_.At(MotionTime(time_s));
+  hand.raises = motion_start_s_ && Within(options_.raises, MotionTime(time_s));
+  return hand;
 }
 
 void EmulatorRun::Deliver(const std::vector<std::uint8_t>& report) {

@@ -37,6 +37,7 @@ struct RunOptions {
   double drop_probability = 0;       ///< of a report on its way to the client
   double repeat_probability = 0;
   std::vector<Interval> lifts, faults, unplugs;
+  std::vector<Interval> raises;  ///< the hand lifts the cylinder by its play
   std::vector<double> resets_s;
   BenchOptions bench;
 };

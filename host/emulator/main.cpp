@@ -88,6 +88,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   intervals(
       "--lift-at", run.lifts,
       "interval in which the sensor is lifted, as start and duration in seconds of the motion");
+  intervals("--raise-at", run.raises,
+            "interval in which the hand raises the cylinder by its play (--play)");
   intervals("--fault-at", run.faults, "interval in which the sensor does not answer");
   intervals("--unplug-at", run.unplugs, "interval in which the device is unplugged");
   options.Numbers("--reset-at", "S", run.resets_s, 0, kLongestS,

@@ -14,6 +14,7 @@ struct HandState {
   double joystick_x = 0;    ///< -1 .. 1
   double joystick_y = 0;
   std::uint8_t buttons = 0;  ///< protocol::Button bits
+  bool raises = false;       ///< lifts the cylinder off the floor of its bore, by its whole play
 };
 
 class MotionScript {

@@ -377,6 +377,9 @@ SensorNavigation::Settings VirtualPmw3360::NavigationSettings() const {
   SensorNavigation::Settings settings;
   settings.cpi = cpi();
   settings.rest_enabled = rest_enabled();
+  settings.magnification = [this](double raised_mm) {
+    return Magnification(optics_, optics_.distance_mm - raised_mm);
+  };
   const double rate1_ms = wide(kRest1Rate) + 1, rate2_ms = wide(kRest2Rate) + 1;
   settings.rest_period_us[0] = kMillisecond_us * rate1_ms;
   settings.rest_period_us[1] = kMillisecond_us * rate2_ms;
@@ -389,7 +392,9 @@ SensorNavigation::Settings VirtualPmw3360::NavigationSettings() const {
 
 void VirtualPmw3360::TakePicture(double now_us) {
   const Position position = surface_(now_us);
-  picture_ = RenderSurface(-position.transverse_mm, position.axial_mm, optics_, seed_);
+  SurfaceOptics optics = optics_;
+  optics.distance_mm -= position.raised_mm;
+  picture_ = RenderSurface(-position.transverse_mm, position.axial_mm, optics, seed_);
 }
 
 // Latches the counts that a read of motion returns, in the registers and in the burst.

@@ -22,9 +22,13 @@ void SensorNavigation::Restart(double begin_us) {
   pending_x_ = pending_y_ = 0;
 }
 
-void SensorNavigation::Move(const SurfacePosition& to, int cpi, bool counted) {
-  const double axial = (to.axial_mm - last_.axial_mm) / kMmPerInch * cpi;
-  const double transverse = (to.transverse_mm - last_.transverse_mm) / kMmPerInch * cpi;
+void SensorNavigation::Move(const SurfacePosition& to, const Settings& settings, bool counted) {
+  double counts_per_mm = settings.cpi / kMmPerInch;
+  if (settings.magnification) {
+    counts_per_mm *= settings.magnification((to.raised_mm + last_.raised_mm) / 2);
+  }
+  const double axial = (to.axial_mm - last_.axial_mm) * counts_per_mm;
+  const double transverse = (to.transverse_mm - last_.transverse_mm) * counts_per_mm;
   if (!counted) lost_mm_ += Distance_mm(to, last_);
   last_ = to;
   if (!counted) return;
@@ -60,7 +64,7 @@ void SensorNavigation::Advance(double now_us, const Settings& settings, bool bli
     still_since_us_ = now_us;
     still_ = position;
   }
-  Move(position, settings.cpi, true);
+  Move(position, settings, true);
   if (settings.rest_enabled && now_us - still_since_us_ >= settings.downshift_us[0]) {
     mode_ = Mode::kRest1;
     mode_since_us_ = still_since_us_ + settings.downshift_us[0];
@@ -75,7 +79,7 @@ void SensorNavigation::FollowRest(double now_us, const Settings& settings, bool 
     if (blind) last_ = position;
     const double moved_mm = Distance_mm(position, last_);
     if (moved_mm >= kMmPerInch / settings.cpi) {
-      Move(position, settings.cpi, moved_mm <= kCorrelation_mm);
+      Move(position, settings, moved_mm <= kCorrelation_mm);
       mode_ = Mode::kRun;
       still_since_us_ = next_frame_us_;
       still_ = position;

@@ -22,6 +22,7 @@ struct SensorImperfections {
 struct SurfacePosition {
   double axial_mm = 0;       ///< positive distally
   double transverse_mm = 0;  ///< along the circumference, positive right-handed
+  double raised_mm = 0;      ///< nearer to the lens than at rest
 };
 
 class SensorNavigation {
@@ -34,6 +35,8 @@ class SensorNavigation {
     double downshift_us[3] = {0, 0, 0};
     /// From frame to frame, us: rest 1, 2, 3.
     double rest_period_us[3] = {0, 0, 0};
+    /// Counts for a motion over nominal ones, by the height of the surface; empty: 1.
+    std::function<double(double raised_mm)> magnification;
   };
   /// OP_Mode of the motion register.
   enum class Mode : std::uint8_t { kRun = 0, kRest1 = 1, kRest2 = 2, kRest3 = 3 };
@@ -73,7 +76,7 @@ class SensorNavigation {
   double LatestFrameUs(double now_us, const Settings& settings) const;
 
  private:
-  void Move(const SurfacePosition& to, int cpi, bool counted);
+  void Move(const SurfacePosition& to, const Settings& settings, bool counted);
   void FollowRest(double now_us, const Settings& settings, bool blind);
 
   SensorImperfections imperfections_;

@@ -7,8 +7,10 @@ namespace torquer::emulator {
 namespace {
 
 constexpr double kView_mm = 1.0;  // side of what is seen, at a magnification of 1:1
-constexpr double kFiber_mm = 0.06;
-constexpr double kSharp_mm = 2.4;
+constexpr double kFiber_mm = 0.048;
+// Radius of the blur for each millimeter out of focus. With it and the fibers' width, the sharpness
+// (calibration/focus.h) falls as in pictures of a real part: 0.43, 0.27 at +0.3 mm, 0.11 at +0.6.
+constexpr double kBlur_mm_per_mm = 0.10;
 constexpr double kMean = 62, kContrast = 26;
 
 // A number from -1 to 1 for each cell of the paper.
@@ -33,42 +35,56 @@ double Paper(double x_mm, double y_mm, std::uint32_t seed) {
          t * ((1 - s) * Noise(i, j + 1, seed) + s * Noise(i + 1, j + 1, seed));
 }
 
-// Radius of the spot that a point is blurred to, mm: half the depth of focus blurs by a fiber.
-double Blur_mm(double distance_mm) { return 0.28 * std::abs(distance_mm - kSharp_mm); }
+// Radius of the spot that a point is blurred to, mm.
+double Blur_mm(double distance_mm) {
+  return kBlur_mm_per_mm * std::abs(distance_mm - kNominalDistance_mm);
+}
+
+// Mean of the paper over the spot around a point; a disc of equal samples stands for the spot.
+double BlurredPaper(double x_mm, double y_mm, double blur_mm, std::uint32_t seed) {
+  constexpr int kRings = 4;
+  double sum = Paper(x_mm, y_mm, seed);
+  int samples = 1;
+  for (int ring = 1; ring <= kRings; ++ring) {
+    for (int k = 0; k < 6 * ring; ++k) {
+      const double angle = k * 3.14159265358979 / (3.0 * ring);
+      const double radius = blur_mm * ring / kRings;
+      sum += Paper(x_mm + radius * std::cos(angle), y_mm + radius * std::sin(angle), seed);
+      ++samples;
+    }
+  }
+  return sum / samples;
+}
+
+// Brightness that falls evenly from end to end; its mean is kept by the exposure.
+double Slope(double ratio, int index) {
+  const double from_middle = index / (kPictureSide - 1.0) - 0.5;
+  return 1 + 2 * (ratio - 1) / (ratio + 1) * from_middle;
+}
 
 }  // namespace
 
+double Magnification(const SurfaceOptics& optics, double distance_mm) {
+  return 1 + optics.magnification_per_mm * (distance_mm - kNominalDistance_mm);
+}
+
 SurfacePicture RenderSurface(double x_mm, double y_mm, const SurfaceOptics& optics,
                              std::uint32_t seed) {
-  constexpr double kPixel_mm = kView_mm / kPictureSide;
+  const double pixel_mm = kView_mm / kPictureSide / Magnification(optics, optics.distance_mm);
   const double blur_mm = Blur_mm(optics.distance_mm);
-  // A disc of samples, weighted equally, stands for the blurred spot.
-  const int rings = blur_mm < kPixel_mm / 4 ? 0 : 4;
   SurfacePicture picture{};
-  for (int row = 0; row < kPictureSide; ++row) {
-    for (int column = 0; column < kPictureSide; ++column) {
-      const double px = x_mm + (column - (kPictureSide - 1) / 2.0) * kPixel_mm;
-      const double py = y_mm + (row - (kPictureSide - 1) / 2.0) * kPixel_mm;
-      double sum = Paper(px, py, seed);
-      int samples = 1;
-      for (int ring = 1; ring <= rings; ++ring) {
-        for (int k = 0; k < 6 * ring; ++k) {
-          const double angle = k * 3.14159265358979 / (3.0 * ring);
-          const double radius = blur_mm * ring / rings;
-          sum += Paper(px + radius * std::cos(angle), py + radius * std::sin(angle), seed);
-          ++samples;
-        }
-      }
-      // The brightness falls evenly from edge to edge; its mean is kept by the exposure.
-      const double across = (optics.shading_along_y ? row : column) / (kPictureSide - 1.0) - 0.5;
-      const double slope = 2 * (optics.shading - 1) / (optics.shading + 1);
-      double value = (kMean + kContrast * sum / samples) * (1 - slope * across);
+  for (int column = 0; column < kPictureSide; ++column) {
+    for (int row = 0; row < kPictureSide; ++row) {
+      const double px = x_mm + (column - (kPictureSide - 1) / 2.0) * pixel_mm;
+      const double py = y_mm + (row - (kPictureSide - 1) / 2.0) * pixel_mm;
+      double value = (kMean + kContrast * BlurredPaper(px, py, blur_mm, seed)) *
+                     Slope(optics.lamp_shading, row) * Slope(optics.side_shading, column);
       // Dirt is near the lens, so out of focus: soft dark blots that stay where they are.
       if (optics.dirt > 0) {
         const double blot = 0.5 + 0.5 * Paper(column * 0.012, row * 0.012, 77u);
         if (blot < optics.dirt) value *= 0.35;
       }
-      picture[static_cast<std::size_t>(row * kPictureSide + column)] =
+      picture[static_cast<std::size_t>(column * kPictureSide + row)] =
           static_cast<std::uint8_t>(std::clamp(value, 0.0, 127.0));
     }
   }
@@ -76,9 +92,9 @@ SurfacePicture RenderSurface(double x_mm, double y_mm, const SurfaceOptics& opti
 }
 
 std::uint8_t SurfaceQuality(const SurfaceOptics& optics) {
-  const double focus = std::exp(-std::pow((optics.distance_mm - kSharp_mm) / 0.3, 2));
+  const double focus = std::exp(-std::pow((optics.distance_mm - kNominalDistance_mm) / 0.3, 2));
   const double clean = 1 - std::clamp(optics.dirt, 0.0, 1.0);
-  const double even = 1 / std::sqrt(std::max(1.0, optics.shading));
+  const double even = 1 / std::sqrt(std::max(optics.side_shading, 1 / optics.side_shading));
   return static_cast<std::uint8_t>(std::lround(64 * focus * clean * even));
 }
 

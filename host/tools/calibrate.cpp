@@ -4,6 +4,7 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <array>
 #include <atomic>
 #include <cstdio>
 #include <ctime>
@@ -33,7 +34,6 @@ using torquer::calibration::CalibrationPath;
 using torquer::calibration::HandMotion;
 using torquer::calibration::Key;
 using torquer::calibration::Message;
-using torquer::calibration::MotionKind;
 using torquer::calibration::Procedure;
 using torquer::calibration::ProcedureResult;
 using torquer::calibration::ProcedureSettings;
@@ -58,6 +58,8 @@ struct Arguments {
   std::optional<double> length_mm;
   bool focus = false;
   std::string picture;
+  std::optional<double> shims_mm;
+  std::string heights;
 };
 
 void Declare(torquer::Options& options, Arguments& arguments) {
@@ -65,10 +67,16 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   torquer::device::AddSourceOptions(options, arguments.source);
   options.Group("Assembly");
   options.Flag("--focus", arguments.focus,
-               "show the picture of the sensor's camera, judge its distance, dirt and shading, and "
+               "show the picture of the sensor's camera, judge dirt, shading and sharpness, and "
                "calibrate nothing");
   options.Text("--picture", "FILE.png", arguments.picture,
                "output file for the last picture of --focus", torquer::ValueKind::kFile);
+  options.Number("--shims", "MM", arguments.shims_mm, 0, 10,
+                 "height of the shims now below the carrier, for --heights");
+  options.Text("--heights", "FILE.csv", arguments.heights,
+               "file to which --focus adds the sharpness with these --shims; it then seeks the "
+               "sharpest height of all in the file",
+               torquer::ValueKind::kFile);
   options.Group("Strokes");
   options.Number("--length", "MM", arguments.length_mm, 10, 1000,
                  fmt::format("length of a push; without it the program asks, or uses {:g}",
@@ -81,6 +89,10 @@ void Declare(torquer::Options& options, Arguments& arguments) {
                   "number of whole turns in a turning stroke");
   options.Number("--radius", "MM", settings.cylinder_radius_mm, 0.2, 100,
                  "approximate radius of the cylinder");
+  options.Number(
+      "--play", "MM", settings.play_mm, 0, 2,
+      "height by which the cylinder can rise in its bore; it counts if the raised pushes "
+      "are skipped");
   options.Integer("--pushes", "N", settings.pushes, 3, 100, "number of good pushes required");
   options.Integer("--turn-strokes", "N", settings.turn_strokes, 3, 100,
                   "number of good turning strokes required");
@@ -212,20 +224,19 @@ class GuidedRun : public ReadingSink {
 };
 
 std::string Note(const ProcedureResult& result, const ProcedureSettings& settings) {
-  int pushes = 0;
-  int turns = 0;
+  std::array<int, 3> strokes{};  // by MotionKind
   for (std::size_t i = 0; i < result.strokes.size(); ++i) {
     if (result.rejections[i]) continue;
-    ++(result.strokes[i].stroke.kind == MotionKind::kPush ? pushes : turns);
+    ++strokes[static_cast<std::size_t>(result.strokes[i].stroke.kind)];
   }
   const auto word = [](bool good, const char* yes, const char* no) { return good ? yes : no; };
   return fmt::format(
-      "{:%Y-%m-%d}: {} pushes of {:g} mm +- {:g} mm {}, {} x {} turns; rest {}, lift {}, joystick "
-      "{}",
-      fmt::localtime(std::time(nullptr)), pushes, settings.length_mm, settings.length_error_mm,
-      word(settings.ruler, "by a ruler", "between stops"), turns, settings.turns,
+      "{:%Y-%m-%d}: {} pushes of {:g} mm +- {:g} mm {}, {} x {} turns; rest {}, height {}, "
+      "joystick {}",
+      fmt::localtime(std::time(nullptr)), strokes[0], settings.length_mm, settings.length_error_mm,
+      word(settings.ruler, "by a ruler", "between stops"), strokes[1], settings.turns,
       word(result.rest_checked, "checked", "not checked"),
-      word(result.lift_checked, "checked", "not checked"),
+      word(result.fit.height_measured, "measured", "not measured"),
       word(result.joystick_measured, "measured", "nominal"));
 }
 
@@ -285,14 +296,23 @@ int RunFocus(const Arguments& arguments) {
     throw torquer::UsageError("--focus: an ordinary mouse shows no picture; use the bench device");
   }
   if (!arguments.script.empty()) throw torquer::UsageError("--focus: leave out --script");
+  std::optional<torquer::tools::FocusSeries> series;
+  if (arguments.shims_mm.has_value() == arguments.heights.empty()) {
+    throw torquer::UsageError("--shims and --heights go together: give both, or neither");
+  }
+  if (arguments.shims_mm) series = {arguments.heights, *arguments.shims_mm};
   const auto source = torquer::device::OpenSource(choice);
-  const bool good = torquer::tools::ShowFocus(*source, arguments.picture, torquer::StopOnSignal());
+  const bool good =
+      torquer::tools::ShowFocus(*source, arguments.picture, series, torquer::StopOnSignal());
   return good ? torquer::kExitSuccess : torquer::kExitFailure;
 }
 
 int Run(const Arguments& arguments) {
   if (arguments.focus) return RunFocus(arguments);
   if (!arguments.picture.empty()) throw torquer::UsageError("--picture goes with --focus alone");
+  if (arguments.shims_mm || !arguments.heights.empty()) {
+    throw torquer::UsageError("--shims and --heights go with --focus alone");
+  }
   ProcedureSettings settings = arguments.settings;
   settings.length_mm = arguments.length_mm.value_or(settings.length_mm);
   const std::unique_ptr<ReadingSource> source = OpenReadings(arguments);
@@ -304,7 +324,7 @@ int Run(const Arguments& arguments) {
   const DeviceFacts facts = source->Connect();
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   settings.cpi = facts.cpi;
-  settings.cpi_known = settings.tells_lift = !facts.ordinary_mouse;
+  settings.cpi_known = !facts.ordinary_mouse;
   settings.has_joystick = facts.has_joystick;
   const std::string path =
       arguments.output.empty() ? CalibrationPath(facts.serial) : arguments.output;

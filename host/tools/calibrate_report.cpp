@@ -22,6 +22,9 @@ using calibration::MotionKind;
 using calibration::ProcedureResult;
 using calibration::ProcedureSettings;
 
+// Height gain above which the verdict names the height: as much as 1.5 mm in 150 mm.
+constexpr double kNotableHeightGain = 0.01;
+
 // Used strokes of one kind: their number in the run, and their residuals.
 struct Residuals {
   std::vector<int> number;
@@ -141,6 +144,10 @@ std::string ParameterTable(const ProcedureResult& result) {
          Row("misalignment", fit.misalignment_rad, kDegreesPerRad, "degrees") +
          Row("cylinder radius", fit.cylinder_radius_mm, 1.0, "mm") +
          Row("skew", fit.skew_rad, kDegreesPerRad, "degrees") +
+         fmt::format("  {:<16} {:10.4f} %            {}\n", "height",
+                     100 * fit.height_gain.HalfWidth95(),
+                     fit.height_measured ? "largest change, from the raised pushes"
+                                         : "largest change, by the declared play") +
          fmt::format(
              "  the pushes began {:+.2f} mm from the first at last; surface quality {:.0f}\n",
              result.return_mm, result.mean_surface_quality);
@@ -170,6 +177,19 @@ std::string Verdict(const ProcedureResult& result, const ProcedureSettings& sett
     case Grade::kPoor:
       text += "The calibration is too inaccurate, so it is not saved.\n";
       break;
+  }
+  if (fit.height_gain.bound > kNotableHeightGain) {
+    text +=
+        fit.height_measured
+            ? fmt::format(
+                  "Raised, the cylinder counts {:+.1f} %: reduce its play (hardware/README.md), "
+                  "and calibrate again.\n",
+                  100 * fit.height_gain.value)
+            : fmt::format(
+                  "Up to {:.1f} % of this is the height of the cylinder, which was not "
+                  "measured: make the raised\npushes, or declare the play of a preloaded "
+                  "cylinder (--play).\n",
+                  100 * fit.height_gain.bound);
   }
   if (GradeOf(fit) != Grade::kGood) {
     if (fit.push_error_mm.HalfWidth95() > 2.0) {

@@ -83,8 +83,8 @@ class Parser {
     statement.line = line;
     if (form->word != nullptr) statement.word = words[1];
     if (form->kind == Statement::Kind::kSkip && statement.word != "rest" &&
-        statement.word != "lift" && statement.word != "joystick") {
-      Refuse(line, fmt::format("the step '{}' cannot be skipped; rest, lift and joystick can",
+        statement.word != "raised" && statement.word != "joystick") {
+      Refuse(line, fmt::format("the step '{}' cannot be skipped; rest, raised and joystick can",
                                statement.word));
     }
     for (std::size_t i = 0; i < form->numbers.size(); ++i) {

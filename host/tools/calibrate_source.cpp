@@ -36,8 +36,8 @@ const char* StepName(Step step) {
   switch (step) {
     case Step::kRest:
       return "rest";
-    case Step::kLift:
-      return "lift";
+    case Step::kRaised:
+      return "raised";
     case Step::kPushes:
       return "pushes";
     case Step::kTurns:
@@ -224,7 +224,8 @@ void PacedOperator::Follow(const Reading& reading, ReadingSink& sink) {
   switch (statement.kind) {
     case Statement::Kind::kMark: {
       const Step step = sink.step();
-      if ((step != Step::kPushes && step != Step::kTurns) || rested_us < kRestedUs) return;
+      const bool strokes = step == Step::kPushes || step == Step::kRaised || step == Step::kTurns;
+      if (!strokes || rested_us < kRestedUs) return;
       const bool moved = apart(marked_axial_, marked_transverse_) > kMovedCounts;
       if (step == marked_step_ && !moved) return;
       marked_axial_ = reading.axial_counts;

@@ -68,11 +68,10 @@ std::string FocusPng(const FocusPicture& picture) {
 std::string FocusVerdictText(const calibration::FocusVerdict& verdict, int surface_quality) {
   const calibration::FocusFigures& seen = verdict.figures;
   std::string text = fmt::format(
-      "surface {} | brightness {:.0f} % | contrast {:.2f} | sharpness {:.2f} | shading {:.2f} : 1 "
-      "| "
-      "dirt {:.0f} %\n",
-      surface_quality, 100 * seen.brightness, seen.contrast, seen.sharpness, seen.shading,
-      100 * seen.dirt);
+      "surface {} | brightness {:.0f} % | contrast {:.2f} | sharpness {:.2f} | shading across "
+      "{:.2f}, along {:.2f} : 1 | dirt {:.0f} %\n",
+      surface_quality, 100 * seen.brightness, seen.contrast, seen.sharpness, seen.shading_across,
+      seen.shading_along, 100 * seen.dirt);
   for (const std::string& finding : verdict.findings) text += finding + "\n";
   return text;
 }

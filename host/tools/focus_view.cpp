@@ -6,6 +6,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <system_error>
 #include <vector>
 
 #include "host/bus/clock.h"
@@ -13,6 +17,7 @@
 #include "host/device/sensor_picture.h"
 #include "host/device/source_reports.h"
 #include "host/support/atomic_file.h"
+#include "host/support/csv_table.h"
 #include "host/support/error.h"
 #include "host/tools/calibrate_terminal.h"
 #include "host/tools/focus_picture.h"
@@ -20,7 +25,10 @@
 namespace torquer::tools {
 namespace {
 
+using calibration::FocusHeight;
 using calibration::FocusPicture;
+
+constexpr char kSeriesHeader[] = "shims_mm,sharpness";
 
 // Number of pictures for a verdict: pixels that stay dark in all of them are dirt.
 constexpr std::size_t kPictures = 4;
@@ -48,10 +56,34 @@ void LetTimePass(device::ReportSource& source, std::int64_t us, const std::atomi
   while (!stop && bus::MonotonicUs() < end_us) source.Wait(20, [](const device::SourceEvent&) {});
 }
 
+// Heights of earlier runs; none if the file does not exist yet. Checks that it can be written.
+std::vector<FocusHeight> ReadSeries(const std::string& path) {
+  std::vector<FocusHeight> heights;
+  std::error_code error;
+  if (std::filesystem::exists(path, error)) {
+    for (const CsvRow& row : ReadCsv(path, kSeriesHeader)) {
+      heights.push_back(
+          {CsvNumber(path, kSeriesHeader, row, 0), CsvNumber(path, kSeriesHeader, row, 1)});
+    }
+    if (!heights.empty()) static_cast<void>(calibration::FindFocus(heights));
+  }
+  AtomicFile{path};
+  return heights;
+}
+
+std::string SeriesText(const std::vector<FocusHeight>& heights) {
+  std::string text = std::string(kSeriesHeader) + "\n";
+  for (const FocusHeight& height : heights) {
+    text += fmt::format("{:g},{:.4f}\n", height.shims_mm, height.sharpness);
+  }
+  return text;
+}
+
 }  // namespace
 
 bool ShowFocus(device::ReportSource& source, const std::string& png_path,
-               const std::atomic<bool>& stop) {
+               const std::optional<FocusSeries>& series, const std::atomic<bool>& stop) {
+  std::vector<FocusHeight> heights = series ? ReadSeries(series->path) : std::vector<FocusHeight>{};
   if (!png_path.empty()) AtomicFile{png_path};  // checked before the work
   WaitForDevice(source, stop);
   device::SourceReports reports(source);
@@ -94,10 +126,18 @@ bool ShowFocus(device::ReportSource& source, const std::string& png_path,
     WriteFileAtomically(png_path, FocusPng(pictures.back()));
     fmt::print("Kept as {}.\n", png_path);
   }
+  bool good = verdict.good;
+  if (series) {
+    heights.push_back({series->shims_mm, verdict.figures.sharpness});
+    const calibration::FocusSearch search = calibration::FindFocus(heights);
+    WriteFileAtomically(series->path, SeriesText(heights));
+    fmt::print("{}\n", search.advice);
+    good = good && search.in_focus;
+  }
   if (had_image) {
     fmt::print("The sensor's firmware image is lost; load it again: torquer-flash --srom FILE\n");
   }
-  return verdict.good;
+  return good;
 }
 
 }  // namespace torquer::tools

@@ -49,13 +49,16 @@ class SimulatedSensor {
   void MoveTo(const HandPose& pose) {
     const double push = truth_.misalignment_rad;
     const double turn = push + truth_.skew_rad;
-    const double s = (pose.mm - at_.mm) / truth_.gain_mm_per_count;
-    const double c = truth_.cylinder_radius_mm * (pose.rad - at_.rad) / truth_.gain_mm_per_count;
+    const double counts_per_mm = (1.0 + height_gain_) / truth_.gain_mm_per_count;
+    const double s = (pose.mm - at_.mm) * counts_per_mm;
+    const double c = truth_.cylinder_radius_mm * (pose.rad - at_.rad) * counts_per_mm;
     const double noise = walk_ * std::sqrt(std::hypot(s, c));
     axial_ += std::cos(push) * s - std::sin(turn) * c + noise * normal_(random_);
     transverse_ += std::sin(push) * s + std::cos(turn) * c + noise * normal_(random_);
     at_ = pose;
   }
+  /// Counts more for each motion, as a share: the cylinder is at another height.
+  void SetHeightGain(double share) { height_gain_ = share; }
   double axial() const { return std::nearbyint(axial_); }
   double transverse() const { return std::nearbyint(transverse_); }
 
@@ -65,6 +68,7 @@ class SimulatedSensor {
   std::mt19937_64& random_;
   std::normal_distribution<double> normal_;
   HandPose at_;
+  double height_gain_ = 0.0;
   double axial_ = 0.0, transverse_ = 0.0;
 };
 

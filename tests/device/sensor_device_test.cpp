@@ -123,15 +123,18 @@ calibration::FocusVerdict Judge(const emulator::SurfaceOptics& optics) {
 
 TEST_CASE("through the firmware, an assembly that is right is distinguished from one that is not") {
   using emulator::SurfaceOptics;
-  for (const double distance_mm : {2.25, 2.4, 2.55}) CHECK(Judge(SurfaceOptics{distance_mm}).good);
-  CHECK(Judge(SurfaceOptics{2.4, 0.05, 1.1, false}).good);
-  const calibration::FocusVerdict far = Judge(SurfaceOptics{2.75});
-  CHECK_FALSE(far.good);
-  CHECK_THAT(far.findings.front(), Contains("blurred"));
-  // The board lies across the pipe.
-  const calibration::FocusVerdict shaded = Judge(SurfaceOptics{2.4, 0, 1.7, false});
-  CHECK_THAT(shaded.findings.front(), Contains("1.7") && Contains("across the pipe"));
-  const calibration::FocusVerdict dirty = Judge(SurfaceOptics{2.4, 0.25, 1, false});
+  std::vector<calibration::FocusHeight> heights;
+  for (const double distance_mm : {2.2, 2.4, 2.6}) {
+    const calibration::FocusVerdict seen = Judge({.distance_mm = distance_mm});
+    CHECK(seen.good);
+    heights.push_back({distance_mm - 2.0, seen.figures.sharpness});
+  }
+  CHECK(calibration::FindFocus(heights).best_shims_mm == Approx(0.4).margin(0.05));
+  CHECK(Judge({.dirt = 0.05, .side_shading = 1.1}).good);
+  const calibration::FocusVerdict shaded = Judge({.side_shading = 1.7});
+  CHECK(shaded.figures.shading_across == Approx(1.7).margin(0.1));
+  CHECK_THAT(shaded.findings.front(), Contains("across the pipe"));
+  const calibration::FocusVerdict dirty = Judge({.dirt = 0.25});
   CHECK_THAT(dirty.findings.front(), Contains("clean"));
 }
 

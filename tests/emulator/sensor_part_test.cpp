@@ -275,7 +275,7 @@ TEST_CASE("a raw picture is what lies under the sensor, and ends its navigation"
   speaker.sensor.SetSurface([](double) { return SurfacePosition{3.25, -1.5}; });
   SurfaceOptics optics;
   optics.distance_mm = 2.5;
-  optics.shading = 1.3;
+  optics.side_shading = 1.3;
   speaker.sensor.SetOptics(optics);
   speaker.now_us += 250000;
   speaker.Write(kConfig2, 0x00);
@@ -358,24 +358,62 @@ double Mean(const SurfacePicture& picture, int from_row, int to_row) {
   return std::accumulate(begin, end, 0.0) / static_cast<double>(end - begin);
 }
 
+TEST_CASE("counts follow the height of the surface as in figure 12 of the data sheet") {
+  // Share of the counts for each millimeter of height; the figure goes from 2.1 to 2.7 mm.
+  struct Surface {
+    double slope, at_low, at_high;
+  };
+  for (const Surface& surface : {Surface{-0.13, 1.039, 0.961}, Surface{-0.028, 1.0084, 0.9916}}) {
+    for (const auto& [distance_mm, share] :
+         {std::pair{2.1, surface.at_low}, {2.4, 1.0}, {2.7, surface.at_high}}) {
+      SensorNavigation navigation({}, 1);
+      navigation.SetSurface([](double us) { return SurfacePosition{us * 1e-4, us * 0.5e-4}; });
+      navigation.Restart(0);
+      const SurfaceOptics optics{.distance_mm = distance_mm, .magnification_per_mm = surface.slope};
+      SensorNavigation::Settings settings;
+      settings.rest_enabled = false;
+      settings.magnification = [&optics](double raised_mm) {
+        return Magnification(optics, optics.distance_mm - raised_mm);
+      };
+      int x = 0, y = 0;
+      for (int ms = 0; ms <= 254; ++ms) {
+        navigation.Advance(1000.0 * ms, settings, false);
+        const SensorNavigation::Counts counts = navigation.Take();
+        x += counts.x;
+        y += counts.y;
+      }
+      CHECK(y == Approx(5000 * share).margin(1));  // an inch at 5000 cpi
+      CHECK(x == Approx(-2500 * share).margin(1));
+    }
+  }
+}
+
 TEST_CASE("a picture is sharp in focus, blurred out of it, and shows shading and dirt") {
   const SurfacePicture sharp = RenderSurface(0, 0, {}, 5);
   CHECK(*std::max_element(sharp.begin(), sharp.end()) <= 127);
   CHECK(Mean(sharp, 0, 36) == Approx(62).margin(6));
   double before = Contrast(sharp);
   for (const double distance_mm : {2.6, 2.8, 3.2}) {
-    const double contrast = Contrast(RenderSurface(0, 0, {distance_mm, 0, 1, false}, 5));
+    const double contrast = Contrast(RenderSurface(0, 0, {.distance_mm = distance_mm}, 5));
     CHECK(contrast < before);
     before = contrast;
   }
-  const SurfacePicture shaded = RenderSurface(0, 0, {2.4, 0, 1.7, true}, 5);
-  CHECK(Mean(shaded, 0, 6) / Mean(shaded, 30, 36) == Approx(1.6).margin(0.25));
-  const SurfacePicture dirty = RenderSurface(0, 0, {2.4, 0.5, 1, false}, 5);
+  const SurfacePicture shaded = RenderSurface(0, 0, {.side_shading = 1.7}, 5);
+  CHECK(Mean(shaded, 30, 36) / Mean(shaded, 0, 6) == Approx(1.6).margin(0.25));
+  const SurfacePicture dirty = RenderSurface(0, 0, {.dirt = 0.5}, 5);
   CHECK(Mean(dirty, 0, 36) < Mean(sharp, 0, 36) - 5);
-  // Paper that moves by one pixel shifts the picture by one pixel.
-  const SurfacePicture moved = RenderSurface(1.0 / 36, 0, {}, 5);
+  // Paper that moves by one pixel along y shifts the picture by one byte, along x by one line.
+  const SurfaceOptics even{.lamp_shading = 1};
+  const SurfacePicture still = RenderSurface(0, 0, even, 5);
+  const SurfacePicture moved_x = RenderSurface(1.0 / 36, 0, even, 5);
+  int same_lines = 0;
+  for (std::size_t i = 0; i + kPictureSide < still.size(); ++i) {
+    same_lines += moved_x[i] == still[i + kPictureSide];
+  }
+  CHECK(same_lines > 1200);
+  const SurfacePicture moved = RenderSurface(0, 1.0 / 36, even, 5);
   int same = 0;
-  for (std::size_t i = 0; i + 1 < sharp.size(); ++i) same += moved[i] == sharp[i + 1];
+  for (std::size_t i = 0; i + 1 < sharp.size(); ++i) same += moved[i] == still[i + 1];
   CHECK(same > 1200);
   CHECK(RenderSurface(0, 0, {}, 6) != sharp);
 }

@@ -44,12 +44,11 @@ struct Inputs {
              return rows;
            }();
     std::string strokes =
-        "torquer-calibrate script 1\ndevice SCRIPTED-1 1200\nrest 2\nlift 0.5\n"
-        "rest 0.5\nmark\nrest 0.3\n";
+        "torquer-calibrate script 1\ndevice SCRIPTED-1 1200\nrest 2\nmark\nrest 0.3\n";
     for (int k = 0; k < 3; ++k) {
       strokes += "move 7087 124 0.5\nmark\nrest 0.3\nmove -7087 -124 0.5\nmark\nrest 0.3\n";
     }
-    strokes += "mark\nrest 0.3\n";
+    strokes += "skip raised\nmark\nrest 0.3\n";
     for (int k = 0; k < 3; ++k) {
       strokes += "move -52 2968 0.5\nmark\nrest 0.3\nmove 52 -2968 0.5\nmark\nrest 0.3\n";
     }
@@ -171,7 +170,7 @@ const std::vector<Writer>& Writers() {
        .outputs = 2},
       {.name = "torquer-calibrate",
        .words = {ProgramPath("torquer-calibrate"), "--script", In("strokes"), "--pushes", "3",
-                 "--turn-strokes", "3", "--output", "@/calibration.toml"},
+                 "--turn-strokes", "3", "--play", "0.05", "--output", "@/calibration.toml"},
        .former = {"calibration.toml", "calibration.svg"},
        .outputs = 2},
       {.name = "torquer-study",

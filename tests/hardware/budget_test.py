@@ -163,6 +163,21 @@ class Budget(unittest.TestCase):
             self.assertEqual({len(row) for row in table}, {len(table[0])})
             self.assertIn("|---|", budget.markdown(table))
 
+    def test_the_height_of_the_cylinder_changes_the_counts_as_in_figure_12(self):
+        """Read off the figure: 5200 to 4800 counts an inch from 2.1 to 2.7 mm for the steepest surface, 5100 to 5020 for
+        the flattest. At 5000 cpi, a share of the nominal."""
+        steepest, flattest = (5200 - 4800) / 5000 / 0.6, (5100 - 5020) / 5000 / 0.6
+        low, high = budget.HEIGHT_GAIN_PER_MM
+        self.assertAlmostEqual(high, steepest, delta=0.005)
+        self.assertAlmostEqual(low, flattest, delta=0.005)
+        # A push of 150 mm that is calibrated at rest and made at the ceiling of the bore.
+        play = budget.MODEL["crest_lifted"] - budget.MODEL["crest_at_rest"]
+        share, mm, degrees = budget.height_errors(high, play)
+        counts = 150 / 25.4 * 1200
+        self.assertAlmostEqual(mm, 150 * (counts * (1 + share)) / counts - 150, places=6)
+        self.assertAlmostEqual(mm, 5.9, delta=0.1)
+        self.assertAlmostEqual(degrees, 14, delta=0.1)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -151,8 +151,8 @@ TEST_CASE("A dozen devices, built otherwise than drawn, are found out through th
   }
   motion.Rest(1.0);
   Bench bench(motion, options);
-  const int status = bench.Calibrate("skip lift\n" + Marks(14) + "skip joystick\n",
-                                     {"--pushes", "3", "--turn-strokes", "3"});
+  const int status = bench.Calibrate(Marks(7) + "skip raised\n" + Marks(7) + "skip joystick\n",
+                                     {"--pushes", "3", "--turn-strokes", "3", "--play", "0"});
   CAPTURE(bench.said);
   REQUIRE(status == 0);
   CHECK(bench.summary.violations == 0);
@@ -177,14 +177,22 @@ TEST_CASE("All steps, a lifted push, noise and the joystick, through the firmwar
   options.bench.sensor.misalignment_rad = 2.0 * kDegree;
   options.bench.sensor.noise_counts = 0.1;
   MotionFile motion;
-  motion.Rest(2.0);
-  options.lifts.push_back({motion.time_s(), 0.4});
-  motion.Rest(1.0);
+  motion.Rest(3.0);
   for (int i = 0; i < 4; ++i) {
     if (i == 1) options.lifts.push_back({motion.time_s() + 0.1, 0.05});
     motion.Go(150.0, 0.0);
     motion.Go(0.0, 0.0);
   }
+  // Raised by 0.15 mm, the surface moves by 1.2 % more counts.
+  options.bench.play_mm = 0.15;
+  const double raised_s = motion.time_s() - 0.2;
+  motion.Rest(0.4);
+  for (int i = 0; i < 3; ++i) {
+    motion.Go(150.0, 0.0);
+    motion.Go(0.0, 0.0);
+  }
+  options.raises.push_back({raised_s, motion.time_s() - 0.2 - raised_s});
+  motion.Rest(0.4);
   for (int i = 0; i < 3; ++i) {
     motion.Go(0.0, kTurns);
     motion.Go(0.0, 0.0);
@@ -196,10 +204,11 @@ TEST_CASE("All steps, a lifted push, noise and the joystick, through the firmwar
   motion.Rest(1.0);
   Bench bench(motion, options);
   const int status =
-      bench.Calibrate(Marks(1 + 8 + 1 + 6), {"--pushes", "3", "--turn-strokes", "3"});
+      bench.Calibrate(Marks(1 + 8 + 1 + 6 + 1 + 6), {"--pushes", "3", "--turn-strokes", "3"});
   CAPTURE(bench.said);
   REQUIRE(status == 0);
-  CHECK_THAT(bench.said, Contains("the sensor detects lifting"));
+  CHECK_THAT(bench.said, Contains("ok raised push 3"));
+  CHECK_THAT(bench.said, Contains("Raised, the cylinder counts +1.2 %: reduce its play"));
   CHECK_THAT(bench.said, Contains("push 2 is not used: the sensor was lifted"));
   CHECK_THAT(bench.said, Contains("ok push 4"));
   const Calibration calibration = bench.Result();
@@ -207,5 +216,5 @@ TEST_CASE("All steps, a lifted push, noise and the joystick, through the firmwar
   CHECK(calibration.lao.minimum == Approx(512 - 0.8 * 512).margin(4));
   CHECK(calibration.cra.maximum == Approx(512 + 0.7 * 511).margin(4));
   CHECK(calibration.cra.minimum == Approx(0).margin(4));
-  CHECK_THAT(calibration.note, Contains("lift checked, joystick measured"));
+  CHECK_THAT(calibration.note, Contains("height measured, joystick measured"));
 }

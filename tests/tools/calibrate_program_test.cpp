@@ -23,8 +23,7 @@ using torquer::test::TemporaryFolder;
 
 const std::string kProgram = torquer::test::ProgramPath("torquer-calibrate");
 constexpr char kBegin[] =
-    "torquer-calibrate script 1\ndevice SCRIPTED-1 1200\nrest 2\nlift 0.5\nrest 0.5\nmark\n"
-    "rest 0.3\n";
+    "torquer-calibrate script 1\ndevice SCRIPTED-1 1200\nrest 2\nmark\nrest 0.3\n";
 
 // A stroke in counts, back and forth, with a mark at both ends.
 std::string Stroke(int axial, int transverse) {
@@ -37,13 +36,20 @@ std::string Pushes(int count) {
   for (int i = 0; i < count; ++i) text += Stroke(7087, 124);
   return text;
 }
+// Three raised pushes that count 0.1 % more, with their first mark.
+std::string Raised() {
+  std::string text = "mark\nrest 0.3\n";
+  for (int i = 0; i < 3; ++i) text += Stroke(7094, 124);
+  return text;
+}
 // Turns without the first mark.
 std::string MoreTurns(int count) {
   std::string text;
   for (int i = 0; i < count; ++i) text += Stroke(-52, 2968);
   return text;
 }
-std::string Turns(int count) { return "mark\nrest 0.3\n" + MoreTurns(count); }
+// The raised pushes, then turns.
+std::string Turns(int count) { return Raised() + "mark\nrest 0.3\n" + MoreTurns(count); }
 
 std::string ReadAll(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -101,7 +107,7 @@ TEST_CASE("A run ends with parameters, residuals, a verdict, a file and a pictur
         Approx(150.0 / std::hypot(7087, 124)));
   CHECK(calibration.motion.standard_error[0][0] > 0.0);
   CHECK_THAT(calibration.note, Contains("6 pushes of 150 mm +- 0.5 mm between stops, 5 x 2 turns; "
-                                        "rest checked, lift checked, joystick nominal"));
+                                        "rest checked, height measured, joystick nominal"));
   CHECK(ReadAll(bench.folder.Path("kept/calibration.svg")).ends_with("</svg>\n"));
 }
 

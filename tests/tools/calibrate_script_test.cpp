@@ -1,9 +1,12 @@
 #include "host/tools/calibrate_script.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 
 #include "host/support/error.h"
 #include "host/tools/calibrate_source.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -27,7 +30,7 @@ TEST_CASE("A script is read line by line") {
       "device BENCH-7 1600  # another\n"
       "move 12.5 -3 0.4\n"
       "  mark\n"
-      "skip lift");
+      "skip raised");
   REQUIRE(script.statements.size() == 4);
   CHECK(script.statements[0].kind == Statement::Kind::kDevice);
   CHECK(script.statements[0].word == "BENCH-7");
@@ -37,7 +40,24 @@ TEST_CASE("A script is read line by line") {
   CHECK(script.statements[1].line == 5);
   CHECK(script.statements[2].kind == Statement::Kind::kMark);
   CHECK(script.statements[3].kind == Statement::Kind::kSkip);
-  CHECK(script.statements[3].word == "lift");
+  CHECK(script.statements[3].word == "raised");
+}
+
+TEST_CASE("The sample script needs no more travel than the device has") {
+  const Script script =
+      torquer::tools::ReadScript(torquer::test::SourcePath("/calibration/sample.script"));
+  constexpr double kCountsPerMm = 1200 / 25.4;
+  double axial = 0, low = 0, high = 0;
+  for (const Statement& statement : script.statements) {
+    CHECK(statement.kind != Statement::Kind::kLift);  // the cylinder never leaves the sensor
+    if (statement.kind != Statement::Kind::kMove) continue;
+    // The turns come last. Their axial counts are a sensor's misalignment, and no travel.
+    if (std::abs(statement.numbers[1]) > std::abs(statement.numbers[0]) + 1000) break;
+    axial += statement.numbers[0];
+    low = std::min(low, axial);
+    high = std::max(high, axial);
+  }
+  CHECK((high - low) / kCountsPerMm < 151);
 }
 
 TEST_CASE("A bad script is refused with file, line and remedy") {

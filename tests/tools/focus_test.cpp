@@ -128,7 +128,8 @@ TEST_CASE("The view says that an assembly is right, and keeps the picture") {
   const int status = bench.Focus();
   CAPTURE(bench.said);
   CHECK(status == 0);
-  CHECK_THAT(bench.said, Contains("surface 64") && Contains("Sharp, clean and evenly lit"));
+  CHECK_THAT(bench.said,
+             Contains("surface 64") && Contains("Clean and evenly lit across the pipe"));
   int width = 0;
   const std::vector<std::uint8_t> points = ReadPng(bench.Picture(), &width);
   CHECK(width == 360);
@@ -141,12 +142,8 @@ TEST_CASE("The view says that an assembly is right, and keeps the picture") {
 TEST_CASE("The view says what is wrong with an assembly") {
   RunOptions options;
   std::string wanted;
-  SECTION("the lens is too high") {
-    options.bench.optics.distance_mm = 2.8;
-    wanted = "blurred";
-  }
-  SECTION("the board lies across the pipe") {
-    options.bench.optics.shading = 1.7;
+  SECTION("light falls from the side") {
+    options.bench.optics.side_shading = 1.7;
     wanted = "across the pipe";
   }
   SECTION("glue on the lens") {
@@ -158,6 +155,34 @@ TEST_CASE("The view says what is wrong with an assembly") {
   CAPTURE(bench.said);
   CHECK(status == 1);
   CHECK_THAT(bench.said, Contains(wanted) && !Contains("evenly lit"));
+}
+
+TEST_CASE("The focus is sought over the shims, from run to run") {
+  torquer::test::TemporaryFolder kept;
+  const std::string file = kept.Path("heights.csv");
+  // The carrier is in focus with shims of 0.4 mm.
+  const auto look = [&](double shims_mm, int wanted, const std::string& says) {
+    RunOptions options;
+    options.bench.optics.distance_mm = 2.0 + shims_mm;
+    Bench bench(options);
+    const int status = bench.Focus({"--shims", std::to_string(shims_mm), "--heights", file});
+    CAPTURE(bench.said);
+    CHECK(status == wanted);
+    CHECK_THAT(bench.said, Contains(says));
+  };
+  look(0.2, 1, "with more and with less too");
+  look(0.6, 1, "take a picture");
+  look(0.4, 0, "In focus");
+  const std::string rows = Contents(file);
+  CHECK(std::count(rows.begin(), rows.end(), '\n') == 4);
+
+  Bench bench;
+  CHECK(bench.Focus({"--shims", "0.4"}) == 2);
+  CHECK_THAT(bench.said, Contains("--shims and --heights go together"));
+  std::ofstream(file) << "shims_mm,sharpness\n0.2,dull\n";
+  CHECK(bench.Focus({"--shims", "0.4", "--heights", file}) == 2);
+  CHECK_THAT(bench.said, Contains("heights.csv:2") && Contains("dull"));
+  CHECK(Contents(file) == "shims_mm,sharpness\n0.2,dull\n");
 }
 
 TEST_CASE("Without a picture the view says why, and keeps none") {
