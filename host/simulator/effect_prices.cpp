@@ -5,7 +5,7 @@
 namespace torquer::simulator {
 
 // Wrapper of an energy term that measures its time.
-class EffectPrices::WatchedTerm final : public EnergyTerm {
+class EffectPrices::WatchedTerm final : public EnergyTerm, public ContactTerm, public TimedTerm {
  public:
   WatchedTerm(EffectPrices& prices, std::size_t effect, EnergyTerm* term)
       : prices_(prices), effect_(effect), term_(*term) {}
@@ -13,25 +13,29 @@ class EffectPrices::WatchedTerm final : public EnergyTerm {
   void Begin(const PointSet& points) override {
     Timed([&] { term_.Begin(points); });
   }
-  void SetMotionFraction(double fraction) override {
-    Timed([&] { term_.SetMotionFraction(fraction); });
-  }
   bool Dissipates() const override { return term_.Dissipates(); }
-  bool ActsOnSurface() const override { return term_.ActsOnSurface(); }
-  const Sliding* SlidingBetween() const override { return term_.SlidingBetween(); }
-  bool SlidesInLumen() const override { return term_.SlidesInLumen(); }
   double Add(const PointSet& points, PointDerivatives& out) const override {
     return Timed([&] { return term_.Add(points, out); });
-  }
-  void MoveSurfaces(const PointSet& points,
-                    const std::array<SurfaceMove, kMostInstruments>& moves) override {
-    Timed([&] { term_.MoveSurfaces(points, moves); });
   }
   void End(const PointSet& points) override {
     Timed([&] { term_.End(points); });
   }
   void Reset() override { term_.Reset(); }
   std::uint64_t Hash(std::uint64_t seed) const override { return term_.Hash(seed); }
+
+  ContactTerm* contact_term() override { return term_.contact_term() == nullptr ? nullptr : this; }
+  void MoveSurfaces(const PointSet& points,
+                    const std::array<SurfaceMove, kMostInstruments>& moves) override {
+    Timed([&] { term_.contact_term()->MoveSurfaces(points, moves); });
+  }
+  bool ActsOnWall() const override { return term_.contact_term()->ActsOnWall(); }
+
+  TimedTerm* timed_term() override { return term_.timed_term() == nullptr ? nullptr : this; }
+  void SetMotionFraction(double fraction) override {
+    Timed([&] { term_.timed_term()->SetMotionFraction(fraction); });
+  }
+
+  BetweenTerm* between_term() override { return term_.between_term(); }
 
  private:
   template <class Act>

@@ -103,10 +103,12 @@ TEST_CASE("The wall sees the outermost instrument that is there") {
 }
 
 // Records how surfaces slid.
-class SlideRecorder final : public EnergyTerm {
+class SlideRecorder final : public EnergyTerm, public ContactTerm {
  public:
   void Begin(const PointSet&) override {}
   double Add(const PointSet&, PointDerivatives&) const override { return 0; }
+  ContactTerm* contact_term() override { return this; }
+  bool ActsOnWall() const override { return false; }
   void MoveSurfaces(const PointSet& points,
                     const std::array<SurfaceMove, kMostInstruments>& moves) override {
     for (std::size_t k = 0; k < slid_mm.size(); ++k) slid_mm[k] += moves[k].along_mm;

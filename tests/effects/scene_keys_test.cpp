@@ -31,6 +31,8 @@ TEST_CASE("Effects with good keys are taken") {
            std::string("coating_mm = 50\ncoating_coefficient = 0.02\n[effects.friction]\n"
                        "coefficient = 0.1\n[[effects.friction.region]]\nfactor = 3\n") +
                kBall,
+           std::string("from_tip_mm = [0, 20]\nfriction_coefficient = [0.02, 0.2]\n"
+                       "[effects.friction]\ncoefficient = 0.1\n"),
            std::string("linear_density_g_m = 0.6\n[effects.gravity]\n"),
            std::string("[effects.point_load]\nforce_mN = 1\nforce_direction = \"left\"\n"),
            std::string("[effects.heartbeat]\namplitude_mm = 1\ndirection = \"anterior\"\n"
@@ -71,6 +73,13 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
       {compliance + kBall + "factor = 2\nrdius_mm = 3\n", {"rdius_mm", "did you mean radius_mm"}},
       {"coating_mm = 50\n[effects.friction]\ncoefficient = 0.1\n", {"coating_coefficient"}},
       {"coating_coefficient = 0.05\n[effects.friction]\ncoefficient = 0.1\n", {"coating_mm"}},
+      {"friction_coefficient = [0.1, 0.2, 0.3]\n[effects.friction]\ncoefficient = 0.1\n",
+       {"friction_coefficient", "has 3 values", "from_tip_mm"}},
+      {"friction_coefficient = [0.1, 2.5]\n[effects.friction]\ncoefficient = 0.1\n",
+       {"friction_coefficient[1] = 2.5", "0 to 2"}},
+      {"from_tip_mm = [0, 20]\nfriction_coefficient = [0.1, 0.2]\ncoating_mm = 5\n"
+       "coating_coefficient = 0.02\n[effects.friction]\ncoefficient = 0.1\n",
+       {"coating_mm", "a list of friction_coefficient", "keep one"}},
       {"[effects.friction]\ncoefficient = 0.1\n[[effects.friction.region]]\nfactor = 30\n" +
            std::string(kBall),
        {"factor = 30", "0 to 20"}},

@@ -180,13 +180,35 @@ TEST_CASE("Each instrument of a stack has its own friction, its own coating and 
       {.name = "guidewire", .model = &row.model, .coating_mm = 2, .coating_coefficient = 0.05},
       {.name = "catheter",
        .model = &row.model,
-       .friction_coefficient = 0.3,
+       .friction_coefficient = effects::ValuesAlong(0.3),
        .coating_mm = 1.5,
        .coating_coefficient = 0.1}};
   effects::Friction friction(0.2, 0.005, context);
   const std::vector<double> forces = row.Slipping(friction);
   // From the tip: two points of the coated wire, one of the bare one, two of the coated catheter.
   const std::vector<double> expected = {0.05, 0.05, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3};
+  for (std::size_t k = 0; k < expected.size(); ++k) {
+    INFO("point " << k << " from the tip");
+    CHECK(forces[Row::kPoints - 1 - k] == Approx(expected[k] * 0.1));
+  }
+}
+
+TEST_CASE("Friction follows the list of coefficients along each instrument") {
+  Row row;  // points 1 mm apart
+  row.points.instruments.last = 2;
+  row.points.instruments.behind_mm = {0, 3};
+  effects::EffectContext context{row.model, row.wall};
+  // The wire has a step 1.5 mm from its tip. The catheter's coefficient rises linearly.
+  context.instruments = {
+      {.name = "guidewire",
+       .model = &row.model,
+       .friction_coefficient = effects::ValuesAlong({0, 1.5, 1.5 + 1e-6}, {0.05, 0.05, 0.3})},
+      {.name = "catheter",
+       .model = &row.model,
+       .friction_coefficient = effects::ValuesAlong({1, 5}, {0.1, 0.5})}};
+  effects::Friction friction(0.2, 0.005, context);
+  const std::vector<double> forces = row.Slipping(friction);
+  const std::vector<double> expected = {0.05, 0.05, 0.3, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5};
   for (std::size_t k = 0; k < expected.size(); ++k) {
     INFO("point " << k << " from the tip");
     CHECK(forces[Row::kPoints - 1 - k] == Approx(expected[k] * 0.1));

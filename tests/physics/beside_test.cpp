@@ -152,8 +152,7 @@ TEST_CASE("Feeding along an instrument beside meets Coulomb friction at both han
   HandForces hands;
   FindInternalForces(pair.stack.rod(pair.state.FarthestCurve()), pair.state,
                      pair.relaxation->Current(), pair.terms, forces);
-  hands.Find(pair.stack, pair.state, pair.relaxation->Current(), forces,
-             *pair.friction.SlidingBetween());
+  hands.Find(pair.stack, pair.state, pair.relaxation->Current(), forces, pair.friction.sliding());
   const double on_upper_N = hands.hands()[static_cast<std::size_t>(pair.upper())].axial_N;
   const double on_lower_N = hands.hands()[static_cast<std::size_t>(1 - pair.upper())].axial_N;
   CAPTURE(upper_first, normal_N, on_upper_N, on_lower_N);

@@ -22,7 +22,10 @@ std::int64_t now_ns = 0;
 std::int64_t Look() { return ++now_ns; }
 
 // Energy whose every evaluation takes 1000 ns.
-class SlowTerm final : public torquer::EnergyTerm {
+class SlowTerm final : public torquer::EnergyTerm,
+                       public torquer::ContactTerm,
+                       public torquer::TimedTerm,
+                       public torquer::BetweenTerm {
  public:
   void Begin(const torquer::PointSet&) override { now_ns += 10; }
   double Add(const torquer::PointSet&, torquer::PointDerivatives&) const override {
@@ -33,9 +36,21 @@ class SlowTerm final : public torquer::EnergyTerm {
   void Reset() override {}
   std::uint64_t Hash(std::uint64_t seed) const override { return seed + 7; }
   bool Dissipates() const override { return true; }
-  bool ActsOnSurface() const override { return true; }
-  const torquer::Sliding* SlidingBetween() const override { return &sliding_; }
+  torquer::ContactTerm* contact_term() override { return this; }
+  void MoveSurfaces(
+      const torquer::PointSet&,
+      const std::array<torquer::SurfaceMove, torquer::kMostInstruments>& moves) override {
+    moved_mm = moves[0].along_mm;
+  }
+  bool ActsOnWall() const override { return true; }
+  torquer::TimedTerm* timed_term() override { return this; }
+  void SetMotionFraction(double given) override { fraction = given; }
+  torquer::BetweenTerm* between_term() override { return this; }
+  const torquer::Sliding& sliding() const override { return sliding_; }
   bool SlidesInLumen() const override { return true; }
+
+  double moved_mm = 0;
+  double fraction = 0;
 
  private:
   const torquer::Sliding sliding_;
@@ -54,11 +69,16 @@ TEST_CASE("Prices are the time of each effect, apart from the solver's", "[simul
   SlowTerm slow;
   torquer::EnergyTerm& watched = *prices.Watch(0, &slow);
   CHECK(watched.Dissipates());
-  CHECK(watched.ActsOnSurface());
-  CHECK(watched.SlidingBetween() == slow.SlidingBetween());
-  CHECK(watched.SlidesInLumen());
   CHECK(watched.Hash(1) == 8);
   const torquer::PointSet points;
+  REQUIRE(watched.contact_term() != nullptr);
+  CHECK(watched.contact_term()->ActsOnWall());
+  watched.contact_term()->MoveSurfaces(points, {{{.along_mm = 3}}});
+  CHECK(slow.moved_mm == 3);
+  REQUIRE(watched.timed_term() != nullptr);
+  watched.timed_term()->SetMotionFraction(0.25);
+  CHECK(slow.fraction == 0.25);
+  CHECK(watched.between_term() == slow.between_term());
   torquer::PointDerivatives derivatives;
   const auto tick = [&] {
     prices.BeginTick();

@@ -112,7 +112,7 @@ struct PulledWire {
   // Force at the hand of the wire (0) or of the catheter (1).
   HandForce Hand(int instrument) {
     FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
-    hands.Find(stack, state, relaxation->Current(), forces, *friction.SlidingBetween());
+    hands.Find(stack, state, relaxation->Current(), forces, friction.sliding());
     return hands.hands()[static_cast<std::size_t>(instrument)];
   }
   double HandTorque() const {

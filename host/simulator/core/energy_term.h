@@ -18,6 +18,41 @@ struct SurfaceMove {
 
 struct Sliding;
 
+/// Role *contact* of an energy term: it acts between surfaces, as friction does.
+class ContactTerm {
+ public:
+  virtual ~ContactTerm() = default;
+  /// Moves the surfaces of the instruments relative to the points, before the points move. This
+  /// applies to instruments that slide within each other, and to instruments that turn without
+  /// twist.
+  virtual void MoveSurfaces(const PointSet& points,
+                            const std::array<SurfaceMove, kMostInstruments>& moves) = 0;
+  /// True if its forces act where the wire's surface touches the wall. They then also turn the wire
+  /// about its axis and count as contact forces.
+  virtual bool ActsOnWall() const = 0;
+};
+
+/// Role *timed* of an energy term: it depends on the time of a tick.
+class TimedTerm {
+ public:
+  virtual ~TimedTerm() = default;
+  /// Sets the fraction, 0 .. 1, of the remaining motion that the current part covers. The part has
+  /// the same fraction of the remaining time. Not called if no motion remains; the fraction is
+  /// then 1.
+  virtual void SetMotionFraction(double fraction) = 0;
+};
+
+/// Role *between* of an energy term: it acts between instruments.
+class BetweenTerm {
+ public:
+  virtual ~BetweenTerm() = default;
+  /// Sliding between the instruments of a curve. The term needs PointSet::Between::pressed_N.
+  virtual const Sliding& sliding() const = 0;
+  /// True if the term depends on the relative sliding of the surfaces of curves. It then needs
+  /// PointSet::Between::lumen.
+  virtual bool SlidesInLumen() const = 0;
+};
+
 /// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
 /// twists, of its normals. It may couple a point with its spin, but no other two of them. Its
 /// gradient must be continuous. Its Hessian may be replaced by a positive semidefinite
@@ -32,37 +67,22 @@ class EnergyTerm {
   /// Called before a part of the motion, and after a move of the vessel. Stores the state that
   /// stays constant while that part is relaxed. The wire is in equilibrium, or nearly.
   virtual void Begin(const PointSet& points) = 0;
-  /// Sets the fraction, 0 .. 1, of the remaining motion that the current part covers. Not called if
-  /// no motion remains; the fraction is then 1. A term that knows the time of a tick gives the part
-  /// the same fraction of the remaining time.
-  virtual void SetMotionFraction(double fraction) { static_cast<void>(fraction); }
   /// True if the result of Add is not energy stored in the wire: dissipated work, or the terms of a
   /// time step. It counts when the wire is relaxed, but not as the wire's energy.
   virtual bool Dissipates() const { return false; }
-  /// True if its forces act where the wire's surface touches the wall, as friction does. They then
-  /// also turn the wire about its axis and count as contact forces.
-  virtual bool ActsOnSurface() const { return false; }
-  /// Sliding between instruments, for a term that acts between them and needs
-  /// PointSet::Between::pressed_N. Null for all other terms.
-  virtual const Sliding* SlidingBetween() const { return nullptr; }
-  /// True if the term depends on the relative sliding of the surfaces of curves. It then needs
-  /// PointSet::Between::lumen.
-  virtual bool SlidesInLumen() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives to `out`.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
-  /// Moves the surfaces of the instruments relative to the points, before the points move. This
-  /// applies to instruments that slide within each other, and to instruments that turn without
-  /// twist.
-  virtual void MoveSurfaces(const PointSet& points,
-                            const std::array<SurfaceMove, kMostInstruments>& moves) {
-    static_cast<void>(points), static_cast<void>(moves);
-  }
   /// Called after that relaxation: updates the term's memory, such as anchors.
   virtual void End(const PointSet& points) = 0;
   /// Clears the term's memory, as at the start of a session.
   virtual void Reset() = 0;
   /// Mixes the term's memory into a hash of the state.
   virtual std::uint64_t Hash(std::uint64_t seed) const = 0;
+
+  /// Further roles of the term; null for roles that it does not have.
+  virtual ContactTerm* contact_term() { return nullptr; }
+  virtual TimedTerm* timed_term() { return nullptr; }
+  virtual BetweenTerm* between_term() { return nullptr; }
 };
 
 }  // namespace torquer

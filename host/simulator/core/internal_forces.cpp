@@ -27,8 +27,9 @@ void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
   out.Clear(size);
   out.gradient.assign(size, Vector3d::Zero());
   out.used.assign(size, PointDerivatives::kGradient);
-  for (const EnergyTerm* term : terms) {
-    if (term->ActsOnSurface()) term->Add(points, out);
+  for (EnergyTerm* term : terms) {
+    const ContactTerm* contact = term->contact_term();
+    if (contact != nullptr && contact->ActsOnWall()) term->Add(points, out);
   }
 }
 

@@ -84,10 +84,10 @@ struct PointSet {
   /// Contact between instruments, for terms that act between them.
   struct Between {
     /// Contact force of each instrument against the next one around it, N; one entry per segment.
-    /// Only for a stack that twists, only if a term has EnergyTerm::SlidingBetween. Updated when a
+    /// Only for a stack that twists, only if a term is a BetweenTerm. Updated when a
     /// part of the motion begins.
     std::vector<std::array<double, kMostInstruments>> pressed_N;
-    /// For a curve with another one around it, if a term has EnergyTerm::SlidesInLumen: the places
+    /// For a curve with another one around it, if a term has BetweenTerm::SlidesInLumen: the places
     /// in the lumen, `per_segment` for each segment, from the sheath to the mouth or the tip.
     /// Otherwise empty.
     std::vector<LumenContact> lumen;

@@ -49,8 +49,10 @@ QuadraticModel WireMechanics::MakeQuadraticModel() const {
 }
 
 bool WireMechanics::SlidesInLumen() const {
-  return std::any_of(terms_.begin(), terms_.end(),
-                     [](const EnergyTerm* term) { return term->SlidesInLumen(); });
+  return std::any_of(terms_.begin(), terms_.end(), [](EnergyTerm* term) {
+    const BetweenTerm* between = term->between_term();
+    return between != nullptr && between->SlidesInLumen();
+  });
 }
 
 void WireMechanics::PairCurves(const WireState& state) {

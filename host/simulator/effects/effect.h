@@ -25,6 +25,7 @@
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
+#include "host/simulator/effects/values_along.h"
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/moving_field.h"
 #include "host/simulator/vessel/patient_axes.h"
@@ -39,8 +40,8 @@ struct Instrument {
   std::string name;
   const WireModel* model = nullptr;
   double inner_radius_mm = 0;  ///< of its lumen; 0: solid
-  std::optional<double> friction_coefficient =
-      {};                          ///< on the wall; empty: that of the friction effect
+  /// On the wall; empty: that of the friction effect.
+  std::optional<ValuesAlong> friction_coefficient = {};
   double coating_mm = 0;           ///< length of the coated end
   double coating_coefficient = 0;  ///< friction coefficient of the coated end
   double linear_density_g_m = 0;   ///< less the density of the displaced blood

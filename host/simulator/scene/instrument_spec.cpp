@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
+#include "host/simulator/effects/values_along.h"
 #include "host/simulator/scene/device_library.h"
 #include "host/support/angles.h"
 #include "host/support/nearest_name.h"
@@ -16,7 +19,7 @@ namespace {
 
 // Two equal distances make a step: the second one is moved this much away from the tip.
 constexpr double kStepMm = 1e-6;
-// Limit on the sections, because ValueAt() searches them one by one.
+// Limit on the sections, so that a mistaken list does not become a long search.
 constexpr std::size_t kMostSections = 1000;
 constexpr double kSolid_1_mm = 0.8;
 constexpr double kHollow_1_mm = 0.4;
@@ -51,6 +54,9 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
   CheckAlong(spec, table, "radius_mm", spec.radius_mm);
   CheckAlong(spec, table, "curvature_1_per_mm", spec.curvature_1_per_mm);
   CheckAlong(spec, table, "curvature_2_per_mm", spec.curvature_2_per_mm);
+  if (!spec.friction_coefficient.empty()) {
+    CheckAlong(spec, table, "friction_coefficient", spec.friction_coefficient);
+  }
   if (spec.inserted_at_start_mm > spec.max_length_mm) {
     table.Refuse("inserted_at_start_mm", "is more than max_length_mm; give at most that");
   }
@@ -70,19 +76,21 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
   if (spec.coating_coefficient.has_value() != (spec.coating_mm > 0)) {
     table.Refuse("coating_mm", "must be given together with coating_coefficient; give both");
   }
+  if (spec.coating_mm > 0 && spec.friction_coefficient.size() > 1) {
+    table.Refuse(
+        "coating_mm",
+        "cannot be given together with a list of friction_coefficient, which describes the "
+        "coated part too; keep one");
+  }
 }
 
-// Value at the distance s from the tip, by linear interpolation.
-double ValueAt(const std::vector<double>& at, const std::vector<double>& values, double s) {
-  if (values.size() == 1 || s <= at.front()) return values.front();
+// The distances of the lists. The second one of a step is moved away from the tip.
+std::vector<double> Distances(const InstrumentSpec& spec) {
+  std::vector<double> at = spec.from_tip_mm;
   for (std::size_t k = 1; k < at.size(); ++k) {
-    if (s == at[k]) return values[k];
-    if (s < at[k]) {
-      const double t = (s - at[k - 1]) / (at[k] - at[k - 1]);
-      return values[k - 1] + t * (values[k] - values[k - 1]);
-    }
+    if (at[k] == at[k - 1]) at[k] += kStepMm;
   }
-  return values.back();
+  return at;
 }
 
 }  // namespace
@@ -116,9 +124,9 @@ const Keys<InstrumentSpec>& BuildKeys() {
                   "inner radius of the lumen, which must exceed the outer radius of the instrument "
                   "inside; 0: solid")
           .Otherwise("coefficient of [effects.friction]")
-          .Number(
-              "friction_coefficient", &Spec::friction_coefficient, 0, 2, "",
-              "coefficient of Coulomb friction, mu, between the instrument's surface and the wall")
+          .Numbers("friction_coefficient", &Spec::friction_coefficient, 0, 2, "",
+                   "coefficient of Coulomb friction, mu, between the instrument's surface and the "
+                   "wall: one value, or one per distance in from_tip_mm")
           .Number("coating_mm", &Spec::coating_mm, 0, 5000, "mm",
                   "length of the coated distal part")
           .Otherwise("none: no coating")
@@ -194,10 +202,11 @@ void WriteInstrument(const InstrumentSpec& spec, TomlWriter& out) {
 }
 
 std::vector<WireSection> MakeSections(const InstrumentSpec& spec) {
-  std::vector<double> at = spec.from_tip_mm;
-  for (std::size_t k = 1; k < at.size(); ++k) {
-    if (at[k] == at[k - 1]) at[k] += kStepMm;
-  }
+  const std::vector<double> at = Distances(spec);
+  const effects::ValuesAlong rigidity_N_mm2(at, spec.rigidity_N_mm2);
+  const effects::ValuesAlong radius_mm(at, spec.radius_mm);
+  const effects::ValuesAlong curvature_1_per_mm(at, spec.curvature_1_per_mm);
+  const effects::ValuesAlong curvature_2_per_mm(at, spec.curvature_2_per_mm);
   const double angle_rad = spec.tip_angle_deg * kRadPerDeg;
   std::vector<double> stations = at;
   if (angle_rad > 0) {
@@ -208,22 +217,26 @@ std::vector<WireSection> MakeSections(const InstrumentSpec& spec) {
   std::vector<WireSection> sections;
   for (const double s : stations) {
     const bool bent = angle_rad > 0 && s <= spec.tip_mm;
-    sections.push_back({.from_tip_mm = s,
-                        .rigidity_N_mm2 = ValueAt(at, spec.rigidity_N_mm2, s),
-                        .radius_mm = ValueAt(at, spec.radius_mm, s),
-                        .curvature_1_per_mm = bent ? angle_rad / spec.tip_mm
-                                                   : ValueAt(at, spec.curvature_1_per_mm, s),
-                        .curvature_2_per_mm = ValueAt(at, spec.curvature_2_per_mm, s)});
+    sections.push_back(
+        {.from_tip_mm = s,
+         .rigidity_N_mm2 = rigidity_N_mm2.At(s),
+         .radius_mm = radius_mm.At(s),
+         .curvature_1_per_mm = bent ? angle_rad / spec.tip_mm : curvature_1_per_mm.At(s),
+         .curvature_2_per_mm = curvature_2_per_mm.At(s)});
   }
   return sections;
 }
 
 effects::Instrument Describe(const InstrumentSpec& spec, const WireModel& model) {
   const double attenuation = spec.inner_radius_mm > 0 ? kHollow_1_mm : kSolid_1_mm;
+  std::optional<effects::ValuesAlong> friction_coefficient;
+  if (!spec.friction_coefficient.empty()) {
+    friction_coefficient = {Distances(spec), spec.friction_coefficient};
+  }
   return {.name = spec.name,
           .model = &model,
           .inner_radius_mm = spec.inner_radius_mm,
-          .friction_coefficient = spec.friction_coefficient,
+          .friction_coefficient = std::move(friction_coefficient),
           .coating_mm = spec.coating_mm,
           .coating_coefficient = spec.coating_coefficient.value_or(0),
           .linear_density_g_m = spec.linear_density_g_m,

@@ -28,12 +28,12 @@ struct InstrumentSpec : TableSpec {
   std::vector<double> radius_mm;
   std::vector<double> curvature_1_per_mm = {0};
   std::vector<double> curvature_2_per_mm = {0};
+  std::vector<double> friction_coefficient;  ///< empty: that of [effects.friction]
 
   double tip_mm = 0;
   double tip_angle_deg = 0;
   double torsional_rigidity_ratio = 0.77;
   double inner_radius_mm = 0;
-  std::optional<double> friction_coefficient;
   double coating_mm = 0;
   std::optional<double> coating_coefficient;
   double linear_density_g_m = 0;

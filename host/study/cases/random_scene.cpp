@@ -126,7 +126,8 @@ class Draw {
   }
 
   void AddBuild(double rigidity) {
-    if (Chance(0.5)) {
+    const bool stepped = Chance(0.5);
+    if (stepped) {
       Add("from_tip_mm = [0, 7.3, 7.3, 30]\nrigidity_N_mm2 = [{0}, {0}, {1}, {2}]\n",
           rigidity * Evenly(0.1, 1), rigidity * Evenly(0.5, 1), rigidity);
     } else {
@@ -134,8 +135,13 @@ class Draw {
     }
     if (Chance(0.6)) Add("tip_mm = {}\ntip_angle_deg = {}\n", Between(3, 12), Between(10, 120));
     if (Chance(0.5)) Add("torsional_rigidity_ratio = {}\n", Evenly(0.3, 2));
-    if (Chance(0.3)) Add("coating_mm = 20\ncoating_coefficient = {}\n", Between(0, 0.1));
-    if (Chance(0.3)) Add("friction_coefficient = {}\n", Between(0, 0.5));
+    if (stepped && Chance(0.3)) {
+      Add("friction_coefficient = [{0}, {0}, {1}, {2}]\n", Between(0, 0.1), Between(0, 0.5),
+          Between(0, 0.5));
+    } else {
+      if (Chance(0.3)) Add("coating_mm = 20\ncoating_coefficient = {}\n", Between(0, 0.1));
+      if (Chance(0.3)) Add("friction_coefficient = {}\n", Between(0, 0.5));
+    }
     if (Chance(0.4)) Add("inserted_at_start_mm = {}\n", Between(2, 25));
     Add("linear_density_g_m = {}\n\n", Evenly(0.2, 3));
   }

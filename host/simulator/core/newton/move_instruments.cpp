@@ -122,7 +122,9 @@ void MoveSurfaces(const InstrumentStack& stack, const InstrumentPoses& here,
   }
   if (!any) return;
   for (EnergyTerm* term : terms) {
-    for (int c = 0; c < stack.curves(); ++c) term->MoveSurfaces(at.curve(c).points, moves);
+    ContactTerm* contact = term->contact_term();
+    if (contact == nullptr) continue;
+    for (int c = 0; c < stack.curves(); ++c) contact->MoveSurfaces(at.curve(c).points, moves);
   }
 }
 

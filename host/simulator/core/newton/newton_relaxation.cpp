@@ -188,14 +188,14 @@ void NewtonMethod<Sweep>::FollowVessel(WireState& state) {
 // Contact forces are undefined until the solver has converged, so none are given.
 template <class Sweep>
 void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
-  const auto between = std::find_if(terms_.begin(), terms_.end(), [](const EnergyTerm* term) {
-    return term->SlidingBetween() != nullptr;
+  const auto between = std::find_if(terms_.begin(), terms_.end(), [](EnergyTerm* term) {
+    return term->between_term() != nullptr;
   });
   if (between == terms_.end()) return;
   QuadraticModel& at = memory_.current;
   for (int c = 0; c < state.curves(); ++c) at.curve(c).points.between.pressed_N.clear();
   if (at.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
-  balance_.FindPressed(stack(), state, *(*between)->SlidingBetween(), at);
+  balance_.FindPressed(stack(), state, (*between)->between_term()->sliding(), at);
 }
 
 template <class Sweep>
@@ -238,7 +238,9 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   memory_.part = Part::kMoved;
   if (!terms_.empty()) {
     const double fraction = FractionOfMotion(here, next, goal, feed_mm, settings_.max_turn_rad);
-    for (EnergyTerm* term : terms_) term->SetMotionFraction(fraction);
+    for (EnergyTerm* term : terms_) {
+      if (TimedTerm* timed = term->timed_term()) timed->SetMotionFraction(fraction);
+    }
     MoveSurfaces(stack(), here, next, model_.spins() == 0, memory_.current, terms_);
   }
   for (int c = 0; c < state.curves(); ++c) {

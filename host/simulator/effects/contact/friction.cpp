@@ -12,6 +12,21 @@ namespace torquer::effects {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+namespace {
+
+// Coefficient of an instrument's surface by the distance from its tip. A coating ends just before a
+// point at its length.
+ValuesAlong CoefficientAlong(const Instrument& instrument, double otherwise) {
+  constexpr double kRoundingMm = 1e-9;
+  ValuesAlong own = instrument.friction_coefficient.value_or(ValuesAlong(otherwise));
+  if (instrument.coating_mm <= 2 * kRoundingMm) return own;
+  const double coated = instrument.coating_coefficient;
+  return {{0, instrument.coating_mm - 2 * kRoundingMm, instrument.coating_mm - kRoundingMm},
+          {coated, coated, own.At(instrument.coating_mm)}};
+}
+
+}  // namespace
+
 Friction::Friction(double coefficient, double slip_mm, const EffectContext& context,
                    std::vector<RegionFactor> regions)
     : slip_mm_(slip_mm),
@@ -20,11 +35,10 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
       stride_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
               static_cast<std::size_t>(context.wall.points_per_segment)) {
   for (const Instrument& instrument : context.instruments) {
-    surfaces_.push_back({instrument.friction_coefficient.value_or(coefficient),
-                         instrument.coating_mm, instrument.coating_coefficient});
+    coefficients_.push_back(CoefficientAlong(instrument, coefficient));
   }
-  if (surfaces_.empty()) surfaces_.push_back({coefficient, 0, 0});
-  const std::size_t spots = stride_ * surfaces_.size();
+  if (coefficients_.empty()) coefficients_.emplace_back(coefficient);
+  const std::size_t spots = stride_ * coefficients_.size();
   anchors_.resize(spots);
   presses_.resize(spots);
   if (context.wire.spins() > 0) local_frames_.resize(spots);
@@ -48,11 +62,9 @@ Vector3d SurfacePerRad(const PointSet& points, int q, const Vector3d& normal) {
 }  // namespace
 
 double Friction::CoefficientAt(const PointSet& points, int q) const {
-  constexpr double kRoundingMm = 1e-9;
   const int instrument = points.SurfaceAt(q);
-  const Surface& surface = surfaces_[static_cast<std::size_t>(instrument)];
-  const bool coated = points.FromTipOf(instrument, q) < surface.coating_mm - kRoundingMm;
-  const double own = coated ? surface.coating_coefficient : surface.coefficient;
+  const double own =
+      coefficients_[static_cast<std::size_t>(instrument)].At(points.FromTipOf(instrument, q));
   if (regions_.empty()) return own;
   const Vector3d& point_mm = points.position[static_cast<std::size_t>(q)];
   const Vector3d at = moving_ == nullptr ? point_mm : moving_->AtRest(point_mm);

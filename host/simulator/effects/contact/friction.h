@@ -22,11 +22,12 @@
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/values_along.h"
 #include "host/simulator/vessel/region.h"
 
 namespace torquer::effects {
 
-class Friction final : public Effect, public EnergyTerm {
+class Friction final : public Effect, public EnergyTerm, public ContactTerm {
  public:
   /// Part of the vessel whose wall multiplies the coefficient.
   struct RegionFactor {
@@ -39,10 +40,11 @@ class Friction final : public Effect, public EnergyTerm {
            std::vector<RegionFactor> regions = {});
 
   EnergyTerm* energy_term() override { return this; }
+  ContactTerm* contact_term() override { return this; }
   void CopyFrom(const Effect& twin) override;
 
   bool Dissipates() const override { return true; }
-  bool ActsOnSurface() const override { return true; }
+  bool ActsOnWall() const override { return true; }
 
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
@@ -53,13 +55,6 @@ class Friction final : public Effect, public EnergyTerm {
   std::uint64_t Hash(std::uint64_t seed) const override;
 
  private:
-  // The surface of an instrument: its coefficient, and that of its coated end.
-  struct Surface {
-    double coefficient = 0;
-    double coating_mm = 0;
-    double coating_coefficient = 0;
-  };
-
   struct Anchor {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();
     Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // same place in the vessel at rest
@@ -110,7 +105,7 @@ class Friction final : public Effect, public EnergyTerm {
   void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
 
   const double slip_mm_;
-  std::vector<Surface> surfaces_;  ///< of each instrument
+  std::vector<ValuesAlong> coefficients_;  ///< of each instrument
   const std::vector<RegionFactor> regions_;
   const vessel::MovingField* const moving_;  ///< null for a vessel at rest
   std::size_t stride_;                       ///< number of spots of an instrument

@@ -21,17 +21,23 @@
 
 namespace torquer::effects {
 
-class FrictionBetween final : public Effect, public EnergyTerm {
+class FrictionBetween final : public Effect,
+                              public EnergyTerm,
+                              public ContactTerm,
+                              public BetweenTerm {
  public:
   /// `coefficient` in [0, 2]; `slip_mm` in [1e-5, 0.1]: the motion of a sticking contact before it
   /// slips. `context` needs its stack, of at least two instruments.
   FrictionBetween(double coefficient, double slip_mm, const EffectContext& context);
 
   EnergyTerm* energy_term() override { return this; }
+  ContactTerm* contact_term() override { return this; }
+  BetweenTerm* between_term() override { return this; }
   void CopyFrom(const Effect& twin) override;
 
   bool Dissipates() const override { return true; }
-  const Sliding* SlidingBetween() const override { return &sliding_; }
+  bool ActsOnWall() const override { return false; }
+  const Sliding& sliding() const override { return sliding_; }
   bool SlidesInLumen() const override { return in_lumen_.has_value(); }
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;

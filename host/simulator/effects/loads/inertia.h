@@ -19,7 +19,11 @@
 
 namespace torquer::effects {
 
-class Inertia final : public Effect, public EnergyTerm, public Timed, public Observer {
+class Inertia final : public Effect,
+                      public EnergyTerm,
+                      public TimedTerm,
+                      public Timed,
+                      public Observer {
  public:
   struct Settings {
     /// Per instrument, the innermost first: linear density less that of the displaced fluid; >= 0,
@@ -31,6 +35,7 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   Inertia(Settings settings, const EffectContext& context);
 
   EnergyTerm* energy_term() override { return this; }
+  TimedTerm* timed_term() override { return this; }
   void CopyFrom(const Effect& twin) override;
   Timed* timed() override { return this; }
   Observer* observer() override { return this; }

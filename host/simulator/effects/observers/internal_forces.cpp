@@ -11,8 +11,7 @@ InternalForceObserver::InternalForceObserver(const EffectContext& context)
   for (const std::unique_ptr<Effect>& effect : *context.earlier) {
     if (EnergyTerm* const term = effect->energy_term()) terms_.push_back(term);
   }
-  if (const auto* friction = FindEarlier<FrictionBetween>(context))
-    sliding_ = friction->SlidingBetween();
+  if (const auto* friction = FindEarlier<FrictionBetween>(context)) sliding_ = &friction->sliding();
 }
 
 void InternalForceObserver::CopyFrom(const Effect& twin) {
