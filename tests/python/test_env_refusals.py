@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 import torquer
 import torquer.envs
@@ -55,3 +56,42 @@ def test_single_and_vector_refuse_the_same_steps():
     assert rewards[0] == 0 and not all_truncated[0] and info["time_s"][0] == pytest.approx(0.1)
     env.reset(seed=1)
     env.step([0.0, 0.0])
+
+
+def test_single_and_vector_refuse_unknown_options():
+    env = torquer.envs.make("ty_phantom")
+    many = torquer.envs.make_vec("ty_phantom", 2)
+    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad"):
+        env.reset(options={"rotation": 1.0})
+    with pytest.raises(torquer.Error, match="'reset_mask'; give only rotation_rad"):
+        env.reset(options={"reset_mask": np.array([True])})
+    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad, reset_mask"):
+        many.reset(options={"rotation": 1.0})
+    with pytest.raises(torquer.Error, match="without reset_mask first"):
+        many.reset(options={"reset_mask": np.array([True, False])})
+    many.reset(seed=1)
+    for bad in ([True, False], np.array([True]), np.array([1, 0]), np.array([False, False])):
+        with pytest.raises(torquer.Error, match="array of 2 booleans, at least one"):
+            many.reset(options={"reset_mask": bad})
+    with pytest.raises(torquer.Error, match="renders nothing"):
+        torquer.envs.make_vec("ty_phantom", 2, render_mode="rgb_array")
+
+
+def test_a_reset_mask_resets_only_the_chosen_environments():
+    many = torquer.envs.make_vec("ty_phantom", 3)
+    twin = torquer.envs.make_vec("ty_phantom", 3)
+    for one in (many, twin):
+        one.reset(seed=5)
+        for _ in range(4):
+            before, *_ = one.step(np.full((3, 2), 0.5, np.float32))
+    after, info = many.reset(seed=9, options={"reset_mask": np.array([False, True, False])})
+    fresh, _ = torquer.envs.make_vec("ty_phantom", 1).reset(seed=10)
+    assert np.array_equal(after[[0, 2]], before[[0, 2]]) and np.array_equal(after[1], fresh[0])
+    assert info["time_s"] == pytest.approx([0.5, 0.1, 0.5]) and info["env_id"].tolist() == [0, 1, 2]
+    # The others continue as if nothing had been reset.
+    rows = np.full((3, 2), 0.5, np.float32)
+    assert np.array_equal(many.step(rows)[0][[0, 2]], twin.step(rows)[0][[0, 2]])
+    # Those that were not reset keep their random sequence.
+    every, _ = many.reset()
+    expected, _ = twin.reset()
+    assert np.array_equal(every[[0, 2]], expected[[0, 2]])

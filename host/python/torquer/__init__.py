@@ -13,6 +13,7 @@
 Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s.
 """
 
+import importlib.util
 import pathlib
 
 from ._torquer import (
@@ -61,3 +62,7 @@ def scene_path(name: str) -> str:
     if name not in scene_names():
         raise Error(f"there is no scene {name!r}; there are: {', '.join(scene_names())}")
     return str(_scene_folder() / f"{name}.toml")
+
+
+if importlib.util.find_spec("gymnasium") is not None:
+    from . import envs as _envs  # registers the environments with Gymnasium

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from typing import Any, Dict, List, Optional, Union
+from typing import Any, Dict, List, Optional, Sequence, Union
 
 import numpy as np
+import numpy.typing as npt
 
 from . import Error, Scene
 from ._spaces import Box
@@ -102,7 +103,9 @@ class Prepared:
         count = len(given.instruments)
         whole("instrument", task.instrument, 0, count - 1)
         whole("max_steps", task.max_steps, 1, 2**31 - 1)
-        sees = sees or observation == "picture"
+        # Without X-ray, a view of the wire in the vessel is rendered.
+        sees = observation == "picture" or (sees and "fluoroscopy" in given.effects)
+        self.sees = sees
         self.scene = _scene_of(given, task, sees)
         self.instrument = task.instrument
         self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0, task.instrument)
@@ -137,11 +140,21 @@ class Prepared:
         return Box(0, 255, (height, width, 1), np.uint8)
 
 
-def chosen_rotation(options: Optional[Dict[str, Any]]) -> Optional[float]:
-    """Rotation in the options, or None."""
-    if options is not None and not isinstance(options, dict):
+def check_options(options: Optional[Dict[str, Any]], known: Sequence[str]) -> Dict[str, Any]:
+    """Options of a reset, all of which are known."""
+    if options is None:
+        return {}
+    if not isinstance(options, dict):
         raise Error(f"options are {options!r}; give a dict, as {{'rotation_rad': 0.5}}")
-    chosen = (options or {}).get("rotation_rad")
+    for name in options:
+        if name not in known:
+            raise Error(f"options have {name!r}; give only {', '.join(known)}")
+    return options
+
+
+def chosen_rotation(options: Dict[str, Any]) -> Optional[float]:
+    """Rotation in the options, or None."""
+    chosen = options.get("rotation_rad")
     if chosen is None:
         return None
     try:
@@ -153,6 +166,16 @@ def chosen_rotation(options: Optional[Dict[str, Any]]) -> Optional[float]:
 def start_rotation(random: np.random.Generator, chosen: Optional[float]) -> float:
     drawn = random.uniform(-math.pi, math.pi)
     return float(drawn) if chosen is None else chosen
+
+
+def chosen_mask(options: Dict[str, Any], count: int) -> npt.NDArray[np.bool_]:
+    """Environments to reset: those of the option "reset_mask", or all."""
+    mask = options.get("reset_mask")
+    if mask is None:
+        return np.ones(count, bool)
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
+        raise Error(f"reset_mask is {mask!r}; give an array of {count} booleans, at least one of them True")
+    return mask
 
 
 def generator(seed: Optional[int]) -> np.random.Generator:

@@ -9,7 +9,10 @@
     many = torquer.envs.VectorEnv("ty_phantom", 64)  # in threads
 
 Gymnasium is optional. With it, its spaces are used, and the environments are gymnasium.Env and
-gymnasium.vector.VectorEnv. Then register() makes them known to gymnasium.make as "torquer/NAME-v0".
+gymnasium.vector.VectorEnv. They are then registered on import:
+
+    gymnasium.make("torquer/NeuroArch-v0", task=task.for_training())
+    gymnasium.make_vec("torquer/NeuroArch-v0", num_envs=64)  # a VectorEnv
 """
 
 from __future__ import annotations
@@ -26,15 +29,20 @@ from ._navigation import (
     INFO,
     Prepared,
     Task as Task,
+    check_options,
+    chosen_mask,
     chosen_rotation,
     generator,
     start_rotation,
     whole,
 )
+from ._render import Window, WireView
 from ._spaces import Box, Env, VectorEnv as _BaseVectorEnv, gymnasium as gymnasium
 from ._torquer import NavigationPool
 
 Array = npt.NDArray[Any]
+
+RENDER_MODES = ["rgb_array", "human"]
 
 
 class NavigationEnv(Env):  # type: ignore[misc]
@@ -55,7 +63,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
     forces that did not converge decide it), "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, and "time_s".
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata = {"render_modes": RENDER_MODES, "render_fps": 10}
 
     def __init__(
         self,
@@ -64,14 +72,16 @@ class NavigationEnv(Env):  # type: ignore[misc]
         observation: str = "vector",
         render_mode: Optional[str] = None,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise Error(f"render_mode is {render_mode!r}; give None or 'rgb_array'")
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise Error(f"render_mode is {render_mode!r}; give None, 'rgb_array' or 'human'")
         prepared = Prepared(scene, task, observation, render_mode is not None)
         self.scene = prepared.scene
         self.task = task
         self.observation = observation
         self.render_mode = render_mode
         self._navigation = prepared.navigation
+        self._view = None if prepared.sees or render_mode is None else WireView(self.scene, prepared.route[-1])
+        self._window = Window(self.scene.name) if render_mode == "human" else None
         self._random = np.random.default_rng()
         self.action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
         self.observation_space = prepared.observation_space(observation)
@@ -86,7 +96,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
     ) -> Tuple[Array, Dict[str, Any]]:
         """Returns to the start. options: "rotation_rad", that of the task's instrument at the start.
         Without it the rotation is random, by the seed."""
-        chosen = chosen_rotation(options)
+        chosen = chosen_rotation(check_options(options, ["rotation_rad"]))
         if chosen is not None:
             self._navigation.check_rotation(chosen)
         if seed is not None or gymnasium is not None and self._np_random is None:
@@ -95,22 +105,37 @@ class NavigationEnv(Env):  # type: ignore[misc]
                 super().reset(seed=seed)
             self._random = random
         self._navigation.reset(start_rotation(self._random, chosen))
+        self._show()
         return self._observe(), self._info(self._navigation.facts)
 
     def step(self, action: npt.ArrayLike) -> Tuple[Array, float, bool, bool, Dict[str, Any]]:
         """Moves the hands for Task.step_s. Before a reset, and after the end, this is an error."""
         self._navigation.step(action)
         facts = self._navigation.facts
+        self._show()
         return self._observe(), facts[0], facts[1] != 0, facts[2] != 0, self._info(facts)
 
     def render(self) -> Optional[Array]:
-        """X-ray picture as RGB, shape (height, width, 3)."""
-        if self.render_mode is None:
-            return None
-        return np.repeat(self._navigation.take_picture()[:, :, None], 3, axis=2)
+        """With render_mode "rgb_array": the X-ray picture as RGB, shape (height, width, 3), or a view
+        of the wire in the vessel if the scene has no X-ray. "human" shows it at each step."""
+        return self._draw() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Does nothing, because nothing is open."""
+        """Closes the window of render_mode "human"."""
+        # Gymnasium calls this also for an object that could not be made.
+        window: Optional[Window] = getattr(self, "_window", None)
+        if window is not None:
+            window.close()
+        self._window = None
+
+    def _draw(self) -> Array:
+        if self._view is not None:
+            return self._view.draw(self._navigation.simulation)
+        return np.repeat(self._navigation.take_picture()[:, :, None], 3, axis=2)
+
+    def _show(self) -> None:
+        if self._window is not None:
+            self._window.show(self._draw())
 
     def _observe(self) -> Array:
         if self.observation == "picture":
@@ -134,13 +159,35 @@ TASKS: Dict[str, Task] = {
 }
 
 
-def make(
-    name: str, observation: str = "vector", render_mode: Optional[str] = None
-) -> NavigationEnv:
-    """Environment of a task in TASKS."""
+def _task(name: str, task: Optional[Task]) -> Task:
     if name not in TASKS:
         raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}")
-    return NavigationEnv(scene_path(name), TASKS[name], observation, render_mode)
+    return TASKS[name] if task is None else task
+
+
+def make(
+    name: str,
+    observation: str = "vector",
+    render_mode: Optional[str] = None,
+    task: Optional[Task] = None,
+) -> NavigationEnv:
+    """Environment of a task in TASKS, or of another task in the same scene."""
+    return NavigationEnv(scene_path(name), _task(name, task), observation, render_mode)
+
+
+def make_vec(
+    name: str,
+    num_envs: int = 1,
+    observation: str = "vector",
+    render_mode: Optional[str] = None,
+    task: Optional[Task] = None,
+    threads: Optional[int] = None,
+    copy: bool = True,
+) -> VectorEnv:
+    """VectorEnv of a task in TASKS, or of another task in the same scene."""
+    if render_mode is not None:
+        raise Error(f"render_mode is {render_mode!r}, but a vector of environments renders nothing; leave it out")
+    return VectorEnv(scene_path(name), num_envs, threads, observation, _task(name, task), copy)
 
 
 class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
@@ -215,7 +262,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         options: Optional[Dict[str, Any]] = None,
     ) -> Tuple[Array, Dict[str, Any]]:
         """Returns all to the start. seed: that of the first, one more for each next; or one for each.
-        options: as in NavigationEnv.reset."""
+        options: as in NavigationEnv.reset; and "reset_mask", an array of booleans: only those
+        environments return to the start."""
         if self._at_work.any():
             raise Error("environments are running; call recv() before reset()")
         seeds: Sequence[Optional[int]]
@@ -229,16 +277,21 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         if len(seeds) != self.num_envs:
             raise Error(f"there are {len(seeds)} seeds; give {self.num_envs}, or one")
         # Checks all arguments before the first environment begins.
+        options = check_options(options, ["rotation_rad", "reset_mask"])
+        mask = chosen_mask(options, self.num_envs)
+        if not self._begun and not mask.all():
+            raise Error("the environments have not begun; call reset() without reset_mask first")
         chosen = chosen_rotation(options)
         if chosen is not None:
             self._pool.check_rotation(chosen)
         made = [None if one is None else generator(one) for one in seeds]
-        self._randoms = [old if new is None else new for old, new in zip(self._randoms, made)]
-        for k, random in enumerate(self._randoms):
-            self._pool.reset(k, start_rotation(random, chosen))
+        for k in np.flatnonzero(mask):
+            self._randoms[k] = self._randoms[k] if made[k] is None else made[k]
+            self._pool.reset(int(k), start_rotation(self._randoms[k], chosen))
             self._at_work[k] = True
         self._begun = True
-        observations, _, _, _, info = self.recv()
+        self.recv()
+        observations, _, _, _, info = self._results(np.arange(self.num_envs))
         return observations, info
 
     def step(self, actions: npt.ArrayLike) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
@@ -288,6 +341,9 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             self._wait_for_all()
             raise
         self._at_work[ids] = False
+        return self._results(ids)
+
+    def _results(self, ids: Array) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
         facts = self._facts[:, ids]
         everything = len(ids) == self.num_envs
         observations = self._observations if everything and not self.copy else self._observations[ids]
@@ -317,8 +373,20 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
 
 
 def register() -> None:
-    """Makes the tasks known to gymnasium.make as "torquer/NAME-v0". Needs gymnasium."""
+    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0". The import of torquer.envs calls
+    this where Gymnasium is installed. A second call changes nothing."""
     if gymnasium is None:
         raise Error("gymnasium is not installed; use torquer.envs.make")
     for name in TASKS:
-        gymnasium.register(f"torquer/{name}-v0", make, kwargs={"name": name})
+        id = f"torquer/{''.join(part.capitalize() for part in name.split('_'))}-v0"
+        if id not in gymnasium.registry:
+            gymnasium.register(
+                id,
+                entry_point="torquer.envs:make",
+                vector_entry_point="torquer.envs:make_vec",
+                kwargs={"name": name},
+            )
+
+
+if gymnasium is not None:
+    register()
