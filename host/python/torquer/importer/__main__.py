@@ -1,0 +1,143 @@
+"""The command "torquer-import", or python3 -m torquer.importer."""
+
+import argparse
+import os
+import pathlib
+import re
+import shutil
+import sys
+import tempfile
+from typing import Any, List, Optional
+
+import numpy as np
+
+from .. import Error, Scene, __version__, _command
+from . import case, centerlines, lumen, scan, surface
+from ._base import Progress, need
+
+
+def _point(option: str, text: str) -> Any:
+    try:
+        point = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        point = np.array([])
+    if len(point) != 3 or not (np.abs(point) < 1e5).all():
+        raise Error(f"{option}={text}: give left, posterior and superior in mm, as {option}=-12.5,30,1480")
+    return point
+
+
+def _label_mesh(read: scan.Scan, number: int) -> surface.Mesh:
+    mask = read.values == number
+    if not mask.any():
+        there = ", ".join(map(str, np.unique(read.values)[:20]))
+        raise Error(f"--label {number}: no voxel of {read.path} has this value; there are: {there}")
+    picture = need("scipy.ndimage").gaussian_filter(mask.astype(np.float32), 0.7)
+    return surface.isosurface(picture, 0.5, read.affine)
+
+
+def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: Progress) -> str:
+    """Makes all files in a folder; returns a description."""
+    seeds = np.array([_point("--seed", text) for text in arguments.seed]).reshape(-1, 3)
+    root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
+    progress.step("Reading the scan")
+    read = scan.read(arguments.scan, arguments.series)
+    facts: List[str] = list(read.facts)
+    if arguments.label is not None:
+        progress.step("Surface of the label")
+        mesh = _label_mesh(read, arguments.label)
+    else:
+        levels = lumen.levels_of(read, seeds)
+        facts.append(f"Levels: {levels}.")
+        progress.step("Lumen")
+        picture = lumen.smoothed(read)
+        label = lumen.segment(read, picture, levels, seeds)
+        scan.write_nifti(folder / "lumen.nii.gz", label, read.affine)
+        progress.step("Surface")
+        values, first = lumen.wall_picture(read, picture, label, levels)
+        mesh = surface.isosurface(values, 0.5, read.affine, first)
+        del picture, label, values
+    before = mesh.volume_mm3()
+    mesh = surface.decimate(surface.smooth(mesh))
+    facts.append(
+        f"Surface: {len(mesh.triangles)} triangles, {mesh.volume_mm3() / 1000:.2f} mL; smoothing and decimation changed the "
+        f"volume by {100 * (mesh.volume_mm3() / before - 1):.2f} %."
+    )
+    surface.write_stl(folder / "surface.stl", mesh)
+    progress.step("Centerlines")
+    curves = centerlines.find(mesh, root)
+    centerlines.write(folder / "centerlines", curves)
+    facts.append(f"{len(curves)} centerlines, {sum(float(curve.lengths_mm()[-1]) for curve in curves):.0f} mm.")
+    progress.step("Scene")
+    entries = case.entries_of(curves)
+    entry = case.first_entry(entries)
+    origin = pathlib.Path(arguments.scan).resolve().name
+    (folder / f"{name}.toml").write_text(case.scene_text(name, re.sub(r"[^\w. -]", "_", origin), curves, entry))
+    case.draw(folder / "picture.png", mesh, curves, entries)
+    facts += Scene(str(folder / f"{name}.toml")).findings
+    (folder / "report.txt").write_text("\n".join(facts) + "\n")
+    progress.end()
+    return "\n".join(facts)
+
+
+def _import(arguments: argparse.Namespace) -> str:
+    out = pathlib.Path(arguments.out)
+    if os.path.lexists(out):
+        raise Error(f"--out {out}: exists already; remove it, or give another name")
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", out.name):
+        raise Error(f"--out {out}: the name becomes that of the scene; give letters, digits, - and _")
+    if (arguments.label is None) == (not arguments.seed):
+        raise Error("give --seed for a CT angiography, or --label for a label map, and not both")
+    temporary = None
+    try:
+        temporary = pathlib.Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+        said = _build(temporary, out.name, arguments, Progress(sys.stderr))
+        temporary.chmod(0o755)
+        temporary.rename(out)
+        temporary = None
+        return said
+    except OSError as error:
+        raise Error(f"--out {out}: cannot be written ({error.strerror}); check the folder and its space") from None
+    except MemoryError:
+        raise Error(f"{arguments.scan}: does not fit into memory; crop it in 3D Slicer") from None
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+class _Completion(argparse.Action):
+    """Prints the completion for bash: options and files."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        options = [option for action in parser._actions for option in action.option_strings if option.startswith("--")]
+        print(f'complete -o default -W "{" ".join(options)}" {parser.prog}')
+        parser.exit()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="torquer-import",
+        description="Makes a case from a patient's CT angiography, or from a label map of the vessels: surface, centerlines, scene.",
+    )
+    parser.add_argument("--version", action="version", version=f"torquer-import {__version__}")
+    parser.add_argument("scan", metavar="SCAN", help="folder of DICOM files, or a NIfTI, NRRD or MetaImage file")
+    parser.add_argument("--out", metavar="FOLDER", required=True, help="new folder for the case; its name becomes that of the scene")
+    parser.add_argument(
+        "--seed", metavar="L,P,S", action="append", default=[],
+        help="place in the lumen: left, posterior, superior in mm; write --seed=-12,30,1480; may be given several times",
+    )
+    parser.add_argument("--label", metavar="N", type=int, help="SCAN is a label map, and N the value of the lumen in it")
+    parser.add_argument("--series", metavar="N", type=int, help="number of the series in a folder with several")
+    parser.add_argument("--root", metavar="L,P,S", help="the blood enters at the tip nearest to this place (default: the widest)")
+    parser.add_argument("--completion", choices=["bash"], action=_Completion, help="print a completion script for bash")
+    arguments = parser.parse_args()
+    try:
+        said = _import(arguments)
+    except Error as error:
+        print(f"torquer-import: {error}", file=sys.stderr)
+        return 2
+    print(f"{said}\n{arguments.out}: torquer-simulator --explain {arguments.out}/{pathlib.Path(arguments.out).name}.toml")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_command.run("torquer-import", main))

@@ -1,0 +1,189 @@
+"""Scene of an imported vessel: entry, instrument, flow, contrast, X-ray, target and a picture."""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+from typing import Any, List, Optional, Tuple
+
+import numpy as np
+
+from ._base import need, unit
+from .centerlines import Curve
+from .surface import Mesh
+
+# The entry lies this many radii behind the tip. Its direction is that over the same length.
+_BEHIND_RADII = 2.5
+# The least lumen that a wire enters, in its radii.
+_ROOM = 2.0
+_ANTERIOR, _LEFT = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+# The aorta's mean flow, mL/s, in a root of this radius, mm, and Murray's cube for others.
+_AORTA_ML_S, _AORTA_MM = 80.0, 12.0
+_TIP_MM, _TIP_DEG = 15.0, 45.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """Place where an instrument can enter, at a tip of a curve."""
+
+    name: str
+    point_mm: Any
+    direction: Any
+    """Unit, into the vessel."""
+    radius_mm: float
+
+
+def entry_of(curve: Curve, at_start: bool) -> Entry:
+    """Entry behind the tip at an end of a curve."""
+    points = curve.points if at_start else curve.points[::-1]
+    radii = curve.radii if at_start else curve.radii[::-1]
+    arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    radius = float(np.median(radii[arcs <= max(5.0, 2 * float(radii[0]))]))
+    behind = min(_BEHIND_RADII * radius, 0.4 * float(arcs[-1]))
+    ahead = min(2 * behind, float(arcs[-1]))
+    place, onward = (np.array([np.interp(at, arcs, points[:, axis]) for axis in range(3)]) for at in (behind, ahead))
+    # Means over the length: single points of a curve turn near its tip.
+    return Entry(f"{curve.name} {'start' if at_start else 'end'}", place, unit(onward - place), radius)
+
+
+def entries_of(curves: List[Curve]) -> List[Entry]:
+    """Entries at the root and at each tip, the root first."""
+    return [entry_of(curves[0], True), *(entry_of(curve, False) for curve in curves)]
+
+
+def first_entry(entries: List[Entry]) -> Entry:
+    """The lowest tip other than the root with room for a 0.014-inch wire, or the root."""
+    wide = [entry for entry in entries[1:] if entry.radius_mm > _ROOM * 0.4445]
+    return min(wide, key=lambda entry: float(entry.point_mm[2])) if wide else entries[0]
+
+
+def bend_of_tip(direction: Any) -> Tuple[float, float]:
+    """Rest curvatures, 1/mm, by which the tip points to the patient's front at a rotation of 0.
+
+    The simulator's first normal is the file's axis that is most across the direction. It jumps
+    between axes as the direction changes, so it is no zero for a rotation.
+    """
+    axis = np.eye(3)[int(np.abs(direction).argmin())]
+    first = unit(axis - axis @ direction * direction)
+    front = _ANTERIOR if abs(_ANTERIOR @ direction) < 0.9 else _LEFT
+    across = unit(front - front @ direction * direction)
+    size = np.radians(_TIP_DEG) / _TIP_MM
+    return float(size * (across @ first)), float(size * (across @ np.cross(direction, first)))
+
+
+def _list(values: Any, digits: int = 2) -> str:
+    return "[" + ", ".join(f"{float(value):.{digits}f}" for value in values) + "]"
+
+
+def _target(curves: List[Curve], entry: Entry) -> Optional[Tuple[Curve, float]]:
+    """Middle of the tip's half of the longest branch that is not the entry's curve."""
+    others = [curve for curve in curves[1:] if not entry.name.startswith(curve.name)]
+    if not others:
+        return None
+    longest = max(others, key=lambda curve: float(curve.lengths_mm()[-1]))
+    return longest, 0.75 * float(longest.lengths_mm()[-1])
+
+
+def scene_text(name: str, origin: str, curves: List[Curve], entry: Entry) -> str:
+    """The scene as TOML, in which each number has its origin as a comment."""
+    thick = entry.radius_mm > _ROOM * 0.4445 * 1.5
+    radius, rigidity = (0.4445, "1, 1, 1, 100, 300") if thick else (0.178, "0.2, 0.2, 0.2, 3, 30")
+    one, two = bend_of_tip(entry.direction)
+    thinnest = min(float(curve.radii.min()) for curve in curves)
+    root = float(np.median(curves[0].radii[:10]))
+    flow = min(_AORTA_ML_S, _AORTA_ML_S * (root / _AORTA_MM) ** 3)
+    length = sum(float(curve.lengths_mm()[-1]) for curve in curves)
+    middle = np.vstack([curve.points for curve in curves])
+    center = (middle.min(axis=0) + middle.max(axis=0)) / 2
+    others = "".join(
+        f"#   {one_.name}: point_mm = {_list(one_.point_mm)}, direction = {_list(one_.direction, 4)}, radius {one_.radius_mm:.2f} mm\n"
+        for one_ in entries_of(curves)
+    )
+    text = f"""# A patient's vessels, made by torquer-import from {origin}. Frame: LPS in mm.
+name = "{name}"
+
+[vessel]
+kind = "surface"
+file = "surface.stl"
+mesh_unit = "mm"
+# Half of the smallest radius of a centerline, {thinnest:.2f} mm, within 0.15 to 0.5 mm.
+voxel_mm = {min(0.5, max(0.15, thinnest / 2)):.2f}
+centerlines = "centerlines"
+# A nearly rigid wall; a scan does not show its stiffness.
+wall_stiffness_N_mm2 = 10
+
+# The frame of the file is LPS.
+[patient_axes]
+left = "+x"
+posterior = "+y"
+superior = "+z"
+
+# {entry.name}: {_BEHIND_RADII:g} radii ({entry.radius_mm:.2f} mm) behind the tip, in the direction over the same length.
+# All places where an instrument can enter:
+{others}[entry]
+point_mm = {_list(entry.point_mm)}
+direction = {_list(entry.direction, 4)}
+
+# {'A 0.035-inch' if thick else 'A 0.014-inch'} wire, which fits the entry. Rigidity: as in the scene {'neuro_arch' if thick else 'coronary'}.
+[[instrument]]
+name = "guidewire"
+# All centerlines together, at most 1800 mm.
+max_length_mm = {min(1800, max(50, round(length)))}
+radius_mm = {radius}
+from_tip_mm = [0, {_TIP_MM:g}, {_TIP_MM:g}, 80, 150]
+rigidity_N_mm2 = [{rigidity}]
+# A tip of {_TIP_MM:g} mm, bent by {_TIP_DEG:g} degrees; at a rotation of 0 it points to the patient's front.
+curvature_1_per_mm = [{one:.6f}, {one:.6f}, 0, 0, 0]
+curvature_2_per_mm = [{two:.6f}, {two:.6f}, 0, 0, 0]
+
+# Usual for a coated wire; the scan does not show it.
+[effects.friction]
+coefficient = 0.08
+
+# Outlets by Murray's law at all free ends but the inlet.
+[effects.flow]
+inlet = "{curves[0].name}"
+# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, by its cube at {root:.2f} mm, the median of the first 10 mm.
+inlet_mL_s = {flow:.3f}
+
+[effects.contrast]
+# A quarter of the flow, at least 1 mL/s.
+rate_mL_s = {max(1.0, flow / 4):.2f}
+at = "tip"
+
+[effects.fluoroscopy]
+# Middle of the centerlines.
+isocenter_mm = {_list(center)}
+"""
+    target = _target(curves, entry)
+    if target is not None:
+        text += f"""
+[effects.wall_force]
+threshold_mN = 150
+
+# Three quarters along the longest branch.
+[effects.assessment]
+target_centerline = "{target[0].name}"
+target_at_mm = {target[1]:.1f}
+# Half more than the radius there.
+target_radius_mm = {max(1.0, 1.5 * float(np.interp(target[1], target[0].lengths_mm(), target[0].radii))):.2f}
+force_limit_mN = 300
+"""
+    return text
+
+
+def draw(path: pathlib.Path, mesh: Mesh, curves: List[Curve], entries: List[Entry]) -> None:
+    """Picture of the surface, the curves with their names and the entries, from front and left."""
+    need("matplotlib").use("Agg")
+    figure = need("matplotlib.figure").Figure(figsize=(12, 8), dpi=100)
+    for k, (across, label) in enumerate(((0, "left of the patient, mm"), (1, "posterior, mm")), 1):
+        axes = figure.add_subplot(1, 2, k, aspect="equal")
+        axes.plot(mesh.points[:, across], mesh.points[:, 2], ",", color="0.75")
+        for curve in curves:
+            axes.plot(curve.points[:, across], curve.points[:, 2], linewidth=1)
+            axes.annotate(curve.name, (curve.points[-1][across], curve.points[-1][2]), fontsize=8)
+        for entry in entries:
+            axes.plot(entry.point_mm[across], entry.point_mm[2], "k^", markersize=4)
+        axes.set_xlabel(label)
+        axes.set_ylabel("superior, mm")
+    figure.savefig(path)

@@ -1,0 +1,325 @@
+"""Centerlines of a closed surface: medial graph, shortest paths, a tree that covers the lumen, centering.
+
+    curves = torquer.importer.centerlines.find(mesh)
+    curves[0]    from the root to the farthest tip; each other one begins on its parent
+
+The nodes of the graph are the circumcenters of a Delaunay triangulation of points on the surface, as
+in VMTK (Antiga et al., IEEE Trans. Med. Imaging 22:674, 2003), and its edges their neighborhoods. Ways
+are shortest for the length over the squared radius.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+from typing import Any, List, Optional, Tuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..export import slicer_curve
+from ._base import Error, Points, need
+from .surface import Mesh
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+# Points on the surface: their number, and their distance by the ratio of volume to area, within limits.
+_MOST_POINTS, _STEP_SHARE, _STEPS_MM = 20_000, 0.3, (0.4, 1.0)
+_WIDEST_MM = 60.0
+# A tip: its generating points lie apart by this many radii, so that it is no sliver beside the wall.
+_APART = 1.2
+# A branch covers this many radii and mm about itself. It is kept if its part outside of this many
+# radii of the others is longer than so many radii there, and mm.
+_COVER, _COVER_MM = 1.3, 2.0
+_OUTSIDE, _LEAST_RADII, _LEAST_MM = 1.15, 2.5, 3.0
+_MOST_CURVES = 200
+_ROUNDS, _PUSH, _SMOOTHING = 80, 0.3, 0.35
+_STEP_MM = 1.0
+# A branch lies on its parent's line within this share of its radius.
+_ON_LINE = 0.25
+# A path ends in a corner of a flat end. Its end is cut where the radius is below this share of that before.
+_END_SHARE = 0.75
+_ROOT_MM = 20.0
+
+
+@dataclasses.dataclass
+class Curve:
+    """A centerline from its start, the root or a place on its parent, to its tip."""
+
+    name: str
+    points: Points
+    """Shape (n, 3), mm."""
+    radii: Floats
+    """Shape (n,), mm: distance to the wall; within the parent's lumen at most that where it leaves it."""
+    parent: Optional[int]
+
+    def lengths_mm(self) -> Floats:
+        """Arc length of each point."""
+        return np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
+
+
+def sample(mesh: Mesh, step_mm: float, seed: int = 1) -> Tuple[Points, Points]:
+    """Points on the surface about step_mm apart, and the outward unit normals there."""
+    vectors = mesh.area_vectors()
+    areas = np.linalg.norm(vectors, axis=1)
+    counts = np.ceil(3 * areas / step_mm**2).astype(int)
+    which = np.repeat(np.arange(len(areas)), counts)
+    random = np.random.default_rng(seed)
+    a, b = random.random((2, len(which)))
+    flip = a + b > 1
+    a[flip], b[flip] = 1 - a[flip], 1 - b[flip]
+    corners = mesh.corners()[which]
+    points = corners[:, 0] + a[:, None] * (corners[:, 1] - corners[:, 0]) + b[:, None] * (corners[:, 2] - corners[:, 0])
+    _, first = np.unique(np.floor(points / step_mm).astype(np.int64), axis=0, return_index=True)
+    chosen = which[first]
+    return points[first], vectors[chosen] / np.maximum(areas[chosen], 1e-30)[:, None]
+
+
+class _Graph:
+    """Medial graph within a surface."""
+
+    def __init__(self, points: Points, normals: Points) -> None:
+        spatial = need("scipy.spatial")
+        tetrahedra = spatial.Delaunay(points)
+        corners = points[tetrahedra.simplices]
+        edges = corners[:, 1:] - corners[:, :1]
+        volume = np.abs(np.linalg.det(edges))
+        solvable = volume > 1e-9
+        centers = np.full((len(corners), 3), np.nan)
+        half = np.einsum("nij,nij->ni", edges, edges)[solvable] / 2
+        centers[solvable] = np.linalg.solve(edges[solvable], half[..., None])[..., 0] + corners[solvable, 0]
+        off = corners - centers[:, None]
+        radii = np.linalg.norm(off[:, 0], axis=1)
+        outward = np.einsum("nij,nij->ni", off, normals[tetrahedra.simplices])
+        with np.errstate(invalid="ignore"):
+            inside = (outward > 0.1 * radii[:, None]).all(axis=1) & (radii < _WIDEST_MM)
+        pairs = self._pairs(tetrahedra.neighbors, inside)
+        number = np.full(len(corners), -1)
+        number[inside] = np.arange(np.count_nonzero(inside))
+        self.points, self.radii = centers[inside], radii[inside]
+        widths = np.linalg.norm(corners[inside][:, :, None] - corners[inside][:, None], axis=3).max(axis=(1, 2))
+        self.is_deep = widths > _APART * self.radii
+        self._keep_largest(number[pairs])
+
+    @staticmethod
+    def _pairs(neighbors: Any, inside: Any) -> Any:
+        first = np.repeat(np.arange(len(neighbors)), 4)
+        pairs = np.column_stack([first, neighbors.ravel()])
+        pairs = pairs[(pairs[:, 0] < pairs[:, 1])]
+        return pairs[inside[pairs].all(axis=1)]
+
+    def _keep_largest(self, pairs: Any) -> None:
+        sparse, csgraph = need("scipy.sparse"), need("scipy.sparse.csgraph")
+        count = len(self.points)
+        if count == 0:
+            raise Error("the surface encloses no lumen; check that it is closed, and its normals")
+        lengths = np.maximum(1e-9, np.linalg.norm(self.points[pairs[:, 0]] - self.points[pairs[:, 1]], axis=1))
+        joined = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
+        _, part = csgraph.connected_components(joined, directed=False)
+        kept = part == np.bincount(part).argmax()
+        number = np.cumsum(kept) - 1
+        within = kept[pairs[:, 0]]
+        self.pairs = number[pairs[within]]
+        self.lengths = lengths[within]
+        self.points, self.radii, self.is_deep = self.points[kept], self.radii[kept], self.is_deep[kept]
+        narrow = self.radii[self.pairs].min(axis=1)
+        count = len(self.points)
+        self._costs = sparse.coo_matrix((self.lengths / narrow**2, self.pairs.T), (count, count)).tocsr()
+
+    def tree(self, root: int) -> Tuple[Indices, Floats]:
+        """Predecessor of each node on the way from the root, and the way's length, mm."""
+        costs, before = need("scipy.sparse.csgraph").dijkstra(
+            self._costs, directed=False, indices=root, return_predecessors=True
+        )
+        lengths = np.zeros(len(costs))
+        steps = np.linalg.norm(self.points - self.points[np.maximum(before, 0)], axis=1)
+        for node in np.argsort(costs, kind="stable"):
+            if before[node] >= 0:
+                lengths[node] = lengths[before[node]] + steps[node]
+        return before, lengths
+
+
+def _branches(graph: _Graph, root: int) -> List[Tuple[Indices, Optional[int]]]:
+    """Nodes of each branch, from its place on an earlier one or the root to its tip; and that earlier one."""
+    spatial = need("scipy.spatial")
+    before, lengths = graph.tree(root)
+    nodes = spatial.cKDTree(graph.points)
+    open_ = graph.is_deep.copy()
+    owner = np.full(len(graph.points), -1)
+    found: List[Tuple[Indices, Optional[int]]] = []
+    kept = np.zeros(0, np.intp)
+    while open_.any() and len(found) < _MOST_CURVES:
+        tip = int(np.where(open_, lengths, -1).argmax())
+        way = [tip]
+        while owner[way[-1]] < 0 and before[way[-1]] >= 0:
+            way.append(int(before[way[-1]]))
+        path = np.array(way[::-1], np.intp)
+        parent = int(owner[path[0]]) if owner[path[0]] >= 0 else None
+        if _is_branch(graph, path, kept):
+            own = path if parent is None else path[1:]
+            owner[own] = len(found)
+            found.append((path, parent))
+            kept = np.concatenate([kept, own])
+        thin = _thinned(graph, path)
+        near = nodes.query_ball_point(graph.points[thin], _COVER * graph.radii[thin] + _COVER_MM)
+        open_[np.concatenate([np.array(some, np.intp) for some in near])] = False
+        open_[tip] = False
+    return found
+
+
+def _thinned(graph: _Graph, path: Indices) -> Indices:
+    """Nodes of a path that lie at least half a radius apart, and its tip; their balls cover it."""
+    out = [int(path[0])]
+    for node in path[1:]:
+        if np.linalg.norm(graph.points[node] - graph.points[out[-1]]) > graph.radii[node] / 2:
+            out.append(int(node))
+    return np.array([*out, int(path[-1])], np.intp)
+
+
+def _is_branch(graph: _Graph, path: Indices, kept: Indices) -> bool:
+    if len(path) < 2:
+        return False
+    points, radii = graph.points[path], graph.radii[path]
+    outside = np.ones(len(path), bool)
+    if len(kept):
+        # Nearest nodes of the tree; its nodes lie denser than their radii.
+        distances, nearest = need("scipy.spatial").cKDTree(graph.points[kept]).query(points, k=min(8, len(kept)))
+        distances, nearest = distances.reshape(len(path), -1), nearest.reshape(len(path), -1)
+        outside = (distances > _OUTSIDE * graph.radii[kept[nearest]]).all(axis=1)
+    if not outside.any():
+        return False
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    length = float(steps[outside[1:]].sum())
+    return length > max(_LEAST_RADII * float(radii[outside].max()), _LEAST_MM)
+
+
+def _root(graph: _Graph) -> int:
+    """Tip of the widest vessel: the largest mean radius over its last 20 mm."""
+    widest = int(np.where(graph.is_deep, graph.radii, 0).argmax())
+    _, lengths = graph.tree(widest)
+    # The farthest place is a tip, and so the ways from it end in all the others.
+    found = _branches(graph, int(np.where(graph.is_deep, lengths, -1).argmax()))
+    best, root = -1.0, 0
+    for path in [found[0][0][::-1], *(path for path, _ in found)]:
+        back = np.linalg.norm(graph.points[path] - graph.points[path[-1]], axis=1)
+        mean = float(graph.radii[path][(back < _ROOT_MM) & (back >= min(5.0, back.max() / 2))].mean())
+        if mean > best:
+            best, root = mean, int(path[-1])
+    return root
+
+
+def _resampled(points: Points, step_mm: float) -> Points:
+    arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    count = max(3, int(np.ceil(arcs[-1] / step_mm)) + 1)
+    at = np.linspace(0, arcs[-1], count)
+    return np.column_stack([np.interp(at, arcs, points[:, axis]) for axis in range(3)])
+
+
+def _centered(points: Points, wall: Any, wall_points: Points) -> Points:
+    """The curve moved across itself, away from the nearest point of the wall, and smoothed."""
+    for round_ in range(_ROUNDS):
+        tangents = np.gradient(points, axis=0)
+        tangents /= np.maximum(1e-12, np.linalg.norm(tangents, axis=1))[:, None]
+        distances, nearest = wall.query(points)
+        away = (points - wall_points[nearest]) / np.maximum(1e-9, distances)[:, None]
+        shift = _PUSH * (1 - round_ / _ROUNDS) * distances[:, None] * away
+        shift[1:-1] += _SMOOTHING * ((points[:-2] + points[2:]) / 2 - points[1:-1])
+        shift -= np.einsum("ij,ij->i", shift, tangents)[:, None] * tangents
+        points = points + shift
+    return _resampled(points, _STEP_MM)
+
+
+def _without_corner(points: Points, radii: Floats) -> int:
+    """Number of points to keep, up to where the radius falls towards a flat end."""
+    last = len(points)
+    while last > 4:
+        before = float(np.median(radii[max(0, last - 12) : max(1, last - 2)]))
+        if radii[last - 1] >= _END_SHARE * before or len(points) - last > 2 * before / _STEP_MM:
+            break
+        last -= 1
+    return last
+
+
+def _nearest_on(points: Points, point: Any) -> Tuple[Any, int]:
+    """Nearest place on a polyline, and the step it lies on."""
+    begin, way = points[:-1], np.diff(points, axis=0)
+    share = np.einsum("ij,ij->i", point - begin, way) / np.maximum(1e-12, np.einsum("ij,ij->i", way, way))
+    places = begin + np.clip(share, 0, 1)[:, None] * way
+    step = int(np.linalg.norm(places - point, axis=1).argmin())
+    return places[step], step
+
+
+def _joined(curve: Points, parent: Curve) -> Points:
+    """The curve from the place where it leaves the parent's line; its first point is moved there."""
+    distances, nearest = need("scipy.spatial").cKDTree(parent.points).query(curve)
+    away = np.flatnonzero(distances > _ON_LINE * parent.radii[nearest] + _STEP_MM / 2)
+    first = max(0, int(away[0]) - 1) if len(away) else len(curve) - 1
+    place, _ = _nearest_on(parent.points, curve[first])
+    return np.vstack([place, curve[first + 1 :]])
+
+
+def _clamp(radii: Floats, points: Points, parent: Curve) -> Floats:
+    """Radii within the parent's lumen: at most that where the curve leaves it."""
+    _, step = _nearest_on(parent.points, points[0])
+    left = np.flatnonzero(np.linalg.norm(points - points[0], axis=1) > parent.radii[step])
+    if not len(left):
+        return radii
+    out = radii.copy()
+    out[: left[0]] = np.minimum(out[: left[0]], out[left[0]])
+    return out
+
+
+def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
+    """Centerlines of a closed surface whose triangles face outward.
+
+    root_mm: the first curve begins at the tip that is nearest to it; by default that of the widest
+    vessel. Raises Error if the surface encloses no lumen.
+    """
+    area = float(np.linalg.norm(mesh.area_vectors(), axis=1).sum())
+    fine_mm = float(np.clip(_STEP_SHARE * abs(mesh.volume_mm3()) / area, *_STEPS_MM))
+    step_mm = max(fine_mm, float(np.sqrt(area / _MOST_POINTS)))
+    points, normals = sample(mesh, step_mm)
+    graph = _Graph(points, normals)
+    if root_mm is None:
+        root = _root(graph)
+    else:
+        deep = np.flatnonzero(graph.is_deep)
+        root = int(deep[np.linalg.norm(graph.points[deep] - np.asarray(root_mm, float), axis=1).argmin()])
+    wall_points = np.vstack([sample(mesh, step_mm / 2)[0], mesh.points])
+    wall = need("scipy.spatial").cKDTree(wall_points)
+    curves: List[Curve] = []
+    kept: List[Optional[int]] = []
+    for path, parent in _branches(graph, root):
+        line = _centered(_resampled(graph.points[path], _STEP_MM), wall, wall_points)
+        above = None
+        if parent is not None:
+            above = kept[parent]
+            if above is None:
+                kept.append(None)
+                continue
+            line = _joined(line, curves[above])
+        if len(line) < 3:
+            kept.append(None)
+            continue
+        radii = wall.query(line)[0]
+        last = _without_corner(line, radii)
+        first = 0 if above is not None else len(line) - _without_corner(line[::-1], radii[::-1])
+        line, radii = line[first:last], radii[first:last]
+        if len(line) < 3:
+            kept.append(None)
+            continue
+        if above is not None:
+            radii = _clamp(radii, line, curves[above])
+        kept.append(len(curves))
+        curves.append(Curve(f"c{len(curves):02}", line, np.maximum(radii, 0.05), above))
+    if not curves:
+        raise Error("no centerline was found in the surface; is it a vessel longer than it is wide?")
+    return curves
+
+
+def write(folder: pathlib.Path, curves: List[Curve]) -> None:
+    """A curve of 3D Slicer for each centerline, in LPS and mm, in a new folder."""
+    folder.mkdir()
+    for curve in curves:
+        (folder / f"{curve.name}.mrk.json").write_text(slicer_curve(curve.points, curve.radii))

@@ -1,0 +1,246 @@
+"""Cases from scans: a synthetic angiography of known truth with bone, its label map, and refused files."""
+
+import json
+import pathlib
+import subprocess
+import sys
+
+import nibabel
+import numpy as np
+import pydicom
+import pytest
+import torquer
+from pydicom.dataset import FileDataset, FileMetaDataset
+from scipy import ndimage
+from torquer.importer import lumen, scan, surface
+
+VOXEL_MM = 0.8
+LOW = np.array([-40.0, -40.0, 0.0])
+# Start and end, mm, and the radii there. The trunk leaves the scan, the others end within it.
+TUBES = [
+    ((0, 0, -20), (0, 0, 55), 7.5, 7.0), ((0, 0, 55), (-20, 0, 92), 4.5, 3.5),
+    ((0, 0, 55), (20, 8, 92), 4.0, 3.0), ((0, 0, 28), (34, -5, 38), 2.5, 2.0),
+]
+SPINE = ((0, -19, -20), (0, -19, 130), 9.5, 9.5)
+
+
+def depth(points, tube):
+    """Depth in a cone between two balls, mm."""
+    a, b = (np.array(end, float) for end in tube[:2])
+    share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return tube[2] + (tube[3] - tube[2]) * share - np.linalg.norm(points - a - share[..., None] * (b - a), axis=-1)
+
+
+def vessel_depth(points):
+    return np.max([depth(points, tube) for tube in TUBES], axis=0)
+
+
+@pytest.fixture(scope="module")
+def angiography():
+    """Values in HU of the shape (slices, rows, columns), and their affine to LPS."""
+    k, j, i = np.meshgrid(*(np.arange(n) for n in (125, 100, 100)), indexing="ij")
+    points = np.stack([i, j, k], -1) * VOXEL_MM + LOW
+    vessel, bone = vessel_depth(points), depth(points, SPINE)
+    part = lambda d: np.clip(0.5 + d / VOXEL_MM, 0, 1)
+    values = 50 + 300 * part(vessel) + 850 * part(bone) - 650 * part(bone - 1.5)
+    values = ndimage.gaussian_filter(values, 0.6 / VOXEL_MM) + np.random.default_rng(1).normal(0, 25, values.shape)
+    affine = np.diag([VOXEL_MM] * 3 + [1])
+    affine[:3, 3] = LOW
+    return values.astype(np.int16), affine
+
+
+def run(*arguments):
+    return subprocess.run(
+        [sys.executable, "-B", "-m", "torquer.importer", *map(str, arguments)], capture_output=True, text=True, timeout=300
+    )
+
+
+@pytest.fixture(scope="module")
+def imported(angiography, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("import")
+    scan.write_nifti(folder / "scan.nii.gz", *angiography)
+    done = run(folder / "scan.nii.gz", "--seed=0,0,30", "--out", folder / "patient")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def curves_of(folder):
+    out = []
+    for path in sorted((folder / "centerlines").glob("*.mrk.json")):
+        (markup,) = json.loads(path.read_text())["markups"]
+        points = np.array([point["position"] for point in markup["controlPoints"]])
+        out.append((points, np.array(markup["measurements"][0]["controlPointValues"])))
+    return out
+
+
+def test_surface_is_the_true_one(imported):
+    data = (imported / "patient/surface.stl").read_bytes()
+    assert b"SPACE=LPS" in data[:80]
+    rows = np.frombuffer(data[84:], np.dtype([("n", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")]))
+    corners = rows["corners"].astype(float)
+    centers = corners.mean(axis=1)
+    # Without the flat end at the border of the scan.
+    errors = np.abs(vessel_depth(centers[centers[:, 2] > 1]))
+    assert np.percentile(errors, 50) < 0.13 and np.percentile(errors, 95) < 0.6 and errors.max() < 1.5
+    # Normals of the file point outward, where the depth falls.
+    out = vessel_depth(centers + 0.3 * rows["n"]) < vessel_depth(centers - 0.3 * rows["n"])
+    assert out[centers[:, 2] > 1].mean() > 0.99
+
+
+def test_centerlines_are_the_true_tree(imported):
+    curves = curves_of(imported / "patient")
+    assert len(curves) == 3
+    points, _ = curves[0]
+    assert points[0][2] < 10 and np.linalg.norm(points[0][:2]) < 2, "the widest end is the root"
+    starts = sorted(points[0][2] for points, _ in curves[1:])
+    assert abs(starts[0] - 28) < 5 and abs(starts[1] - 55) < 8
+    tips = [np.array(tube[1], float) for tube in TUBES[1:]]
+    for points, radii in curves:
+        assert min(np.linalg.norm(points[-1] - tip) for tip in tips) < 4
+        # The middle of the last part lies on the axis of a tube, with its radius.
+        at = 2 * len(points) // 3
+        assert abs(vessel_depth(points[at]) - radii[at]) < 0.5
+
+
+def test_scene_runs_and_the_wire_bends_to_the_front(imported):
+    scene = torquer.Scene(str(imported / "patient/patient.toml"))
+    assert scene.centerlines == ["c00", "c01", "c02"] and {"flow", "fluoroscopy", "contrast"} <= set(scene.effects)
+    simulation = torquer.Simulation(scene)
+    hands = simulation.hands
+    for k in range(1, 9):
+        hands[0, 0] = k
+        report = simulation.step(0.1 * k, hands)
+    assert report.converged and not simulation.outside_lumen
+    nodes = simulation.nodes_mm
+    begin, end = nodes[1] - nodes[0], nodes[-1] - nodes[-2]
+    assert (end - begin)[1] < 0, "front is -y in LPS"
+
+
+def test_label_map_gives_the_same_vessel(imported):
+    done = run(imported / "patient/lumen.nii.gz", "--label", lumen.LUMEN, "--out", imported / "again")
+    assert done.returncode == 0, done.stderr
+    assert len(curves_of(imported / "again")) == 3
+    done = run(imported / "patient/lumen.nii.gz", "--label", 7, "--out", imported / "other")
+    assert done.returncode == 2 and "there are: 0, 1, 2" in done.stderr
+
+
+def test_images_have_the_same_voxels(angiography, tmp_path):
+    values, affine = angiography
+    turned = np.eye(4)
+    turned[:3, :3] = np.array([[0, -0.8, 0], [0.8, 0, 0], [0, 0, 0.9]])
+    turned[:3, 3] = (5, -7, 11)
+    part = np.ascontiguousarray(values[:7, :9, :11])
+    scan.write_nifti(tmp_path / "a.nii.gz", part, turned)
+    sizes = "11 9 7"
+    directions = " ".join("(" + ",".join(map(str, turned[:3, n] * [-1, -1, 1])) + ")" for n in range(3))
+    (tmp_path / "a.nrrd").write_bytes(
+        f"NRRD0004\ntype: short\ndimension: 3\nspace: right-anterior-superior\nsizes: {sizes}\nspace directions: {directions}\n"
+        f"endian: little\nencoding: raw\nspace origin: (-5,7,11)\n\n".encode() + part.astype("<i2").tobytes()
+    )
+    matrix = " ".join(str(x) for x in (turned[:3, :3] / [0.8, 0.8, 0.9]).T.ravel())
+    (tmp_path / "a.mha").write_bytes(
+        f"ObjectType = Image\nNDims = 3\nTransformMatrix = {matrix}\nOffset = 5 -7 11\nElementSpacing = 0.8 0.8 0.9\n"
+        f"DimSize = {sizes}\nElementType = MET_SHORT\nElementDataFile = LOCAL\n".encode() + part.astype("<i2").tobytes()
+    )
+    for name in ("a.nii.gz", "a.nrrd", "a.mha"):
+        read = scan.read(tmp_path / name)
+        assert (read.values == part).all() and np.allclose(read.affine, turned, atol=1e-5), name
+    (tmp_path / "cut.mha").write_bytes((tmp_path / "a.mha").read_bytes()[:-9])
+    with pytest.raises(torquer.Error, match="cut short"):
+        scan.read(tmp_path / "cut.mha")
+
+
+def write_series(folder, values, number=1, tilt_mm=0.0, **other):
+    folder.mkdir(exist_ok=True)
+    for k, plane in enumerate(values):
+        meta = FileMetaDataset()
+        meta.TransferSyntaxUID = pydicom.uid.ExplicitVRLittleEndian
+        meta.MediaStorageSOPClassUID = "1.2.840.10008.5.1.4.1.1.2"
+        meta.MediaStorageSOPInstanceUID = f"1.2.3.{number}.{k + 1}"
+        path = folder / f"{number}_{len(values) - k:03}.dcm"  # names in another order than places
+        data = FileDataset(str(path), {}, file_meta=meta, preamble=b"\0" * 128)
+        data.is_little_endian, data.is_implicit_VR = True, False
+        fields = dict(
+            SOPClassUID=meta.MediaStorageSOPClassUID, SOPInstanceUID=meta.MediaStorageSOPInstanceUID, Modality="CT",
+            SeriesInstanceUID=f"1.2.3.{number}", SeriesNumber=number, Rows=plane.shape[0], Columns=plane.shape[1],
+            ImageOrientationPatient=[1, 0, 0, 0, 1, 0], ImagePositionPatient=[-40, -40 + k * tilt_mm, 0.8 * k],
+            PixelSpacing=[0.8, 0.8], SamplesPerPixel=1, PhotometricInterpretation="MONOCHROME2", BitsAllocated=16, BitsStored=16,
+            HighBit=15, PixelRepresentation=0, RescaleSlope=2, RescaleIntercept=-1024,
+        )
+        for name, value in {**fields, **other}.items():
+            setattr(data, name, value)
+        data.PixelData = ((plane.astype(int) + 1024) // 2).astype("<u2").tobytes()
+        data.save_as(path)
+
+
+def test_dicom_series(angiography, tmp_path):
+    values = np.ascontiguousarray(angiography[0][:6, :20, :30])
+    write_series(tmp_path / "one", values, tilt_mm=0.2)
+    read = scan.read(tmp_path / "one")
+    assert np.abs(read.values - values.astype(int)).max() <= 1
+    assert np.allclose(read.points_mm((1, 2, 5)), (-40 + 0.8, -40 + 1.6 + 1.0, 4.0))
+    assert any("Gantry tilt of 14.0 degrees" in fact for fact in read.facts)
+    write_series(tmp_path / "one", values, number=2, SeriesDescription="venous")
+    with pytest.raises(torquer.Error, match=r"2 series; choose one:(?s:.)*--series 2: venous \(CT, 6 files\)"):
+        scan.read(tmp_path / "one")
+    assert scan.read(tmp_path / "one", 2).values.shape == (6, 20, 30)
+
+
+def test_refused_series(angiography, tmp_path):
+    values = np.ascontiguousarray(angiography[0][:6, :20, :30])
+
+    def refusal(name, change=lambda folder: None, **other):
+        write_series(tmp_path / name, values, **other)
+        change(tmp_path / name)
+        with pytest.raises(torquer.Error) as caught:
+            scan.read(tmp_path / name)
+        return str(caught.value)
+
+    assert "a slice is missing" in refusal("missing", lambda folder: (folder / "1_003.dcm").unlink())
+    assert "modality MR" in refusal("mr", Modality="MR")
+    assert "RGB" in refusal("rgb", SamplesPerPixel=3)
+
+    def interleave(folder):
+        write_series(folder, values, number=2, SeriesInstanceUID="1.2.3.1")
+
+    assert "interleaved" in refusal("twice", interleave)
+
+
+def test_refused_seeds(angiography, imported):
+    for seed, said in [("0,0,300", "outside the scan"), ("30,30,30", "no contrast agent"), ("0,-11,30", "bone"), ("1,2", "give left")]:
+        done = run(imported / "scan.nii.gz", f"--seed={seed}", "--out", imported / "refused")
+        assert done.returncode == 2 and said in done.stderr, (seed, done.stderr)
+    done = run(imported / "scan.nii.gz", "--seed=0,0,30", "--out", imported / "patient")
+    assert done.returncode == 2 and "exists already" in done.stderr
+    assert sorted(path.name for path in imported.iterdir()) == ["again", "patient", "scan.nii.gz"]
+
+
+def test_metal_and_a_cut_vessel_are_refused(angiography):
+    values, affine = angiography
+    seeds = np.array([[0.0, 0.0, 30.0]])
+
+    def segment(array):
+        one = scan.Scan(array, affine, [], "scan")
+        return lumen.segment(one, lumen.smoothed(one), lumen.levels_of(one, seeds), seeds)
+
+    metal = values.copy()
+    metal[60:64, 60:63, 50:53] = 3000
+    with pytest.raises(torquer.Error, match="metal"):
+        segment(metal)
+    affine = affine.copy()
+    affine[0, 3] += 50 * VOXEL_MM - 1
+    seeds = np.array([[2.0, 0.0, 30.0]])
+    with pytest.raises(torquer.Error, match="cut off lengthwise"):
+        segment(np.ascontiguousarray(values[:, :, 49:]))
+
+
+def test_smoothing_keeps_the_volume_of_a_ball():
+    k, j, i = np.meshgrid(*(np.arange(-10, 11),) * 3, indexing="ij")
+    ball = np.clip(0.5 + (6 - np.sqrt(i * i + j * j + k * k)) / 2, 0, 1).astype(np.float32)
+    mesh = surface.isosurface(ball, 0.5, np.diag([-1.0, 1, 1, 1]))
+    # Chords of a voxel lie h^2 / 8 r within the ball, which is 3 h^2 / 8 r^2 or 1 % of its volume.
+    assert abs(mesh.volume_mm3() / (4 / 3 * np.pi * 6**3) - 1) < 0.0155
+    smooth = surface.smooth(mesh)
+    assert abs(smooth.volume_mm3() / mesh.volume_mm3() - 1) < 0.001
+    fewer = surface.decimate(smooth, 800)
+    assert len(fewer.triangles) < 850 and abs(fewer.volume_mm3() / smooth.volume_mm3() - 1) < 0.005
