@@ -191,7 +191,7 @@ void PageFigures::AddWay(std::vector<PageFinding>& findings) const {
   if (const auto ratio = Reading("tip_path_ratio")) {
     findings.push_back(
         {"Path length of the tip", TipPath(), "none set",
-         ValueText(*ratio) + " times the length of the way from the entry to the target"});
+         ValueText(*ratio) + " times the length of the way from its start to the target"});
   }
 }
 
@@ -205,6 +205,9 @@ std::vector<PageRow> PageFigures::Radiation() const {
   }
   if (const auto kerma = Reading("air_kerma_mGy")) {
     rows.push_back({"Air kerma at the reference point", ValueText(*kerma) + " mGy"});
+  }
+  if (const auto kerma_area = Reading("kerma_area_Gy_cm2")) {
+    rows.push_back({"Kerma-area product", ValueText(*kerma_area) + " Gy cm&#xb2;"});
   }
   if (now_.contrast_mL) {
     rows.push_back({"Contrast agent", ValueText(*now_.contrast_mL) + " mL"});

@@ -72,7 +72,12 @@ std::string FormatInstrument(const InstrumentReport& report) {
       ValueText(report.latency_ms.p50), ValueText(report.latency_ms.p99),
       ValueText(report.latency_ms.p999), ValueText(report.latency_ms.max));
   const double expected = kReportsPerSecond * report.duration_s;
-  if (report.reports_sent >= 0 && static_cast<double>(report.reports_sent) < kRealTime * expected) {
+  if (report.resets > 0) {
+    // Its counts began again, so they do not show the speed of the machine.
+    text += fmt::format("               the device restarted {} during the session\n",
+                        TimesText(static_cast<double>(report.resets)));
+  } else if (report.reports_sent >= 0 &&
+             static_cast<double>(report.reports_sent) < kRealTime * expected) {
     text += fmt::format(
         "               the machine was too busy for real time: the device's {} took {}\n",
         SecondsText(static_cast<double>(report.reports_sent) / kReportsPerSecond),

@@ -129,7 +129,7 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
   if (channel.last_sample) {
     // Motion of the hand during a device restart is unknown.
     const bool reset = sample.boot_id != channel.last_sample->boot_id;
-    channel.resets += reset ? 1 : 0;
+    channel.report.resets += reset ? 1 : 0;
     const std::int64_t axial =
         reset ? 0 : Difference(sample.axial_counts, channel.last_sample->axial_counts);
     const std::int64_t transverse =
@@ -288,7 +288,7 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
   if (!channel.ended || last_shape_->tick != last_state_->tick) {
     report.axial = channel.shown_with_shape.axial;
     report.rotation = channel.shown_with_shape.rotation;
-  } else if (channel.truth && channel.resets == 0 && !MovedOn(*channel.truth)) {
+  } else if (channel.truth && report.resets == 0 && !MovedOn(*channel.truth)) {
     report.axial.sensor_counts =
         Difference(channel.truth->axial_counts, channel.first_sample->axial_counts);
     report.rotation.sensor_counts =

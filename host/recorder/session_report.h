@@ -50,6 +50,7 @@ struct InstrumentReport {
   std::int64_t reports_unfetched =
       0;  ///< of the lost: replaced by the next report before the host fetched it
   std::int64_t samples = 0;   ///< in the log
+  std::int64_t resets = 0;    ///< restarts of the device, by its samples
   std::int64_t commands = 0;  ///< in the log
   double duration_s = 0;      ///< from its first sample to its last
   double healed_mm = 0;       ///< lost motion that was corrected at the end switch
@@ -142,7 +143,6 @@ class SessionReporter {
     Eigen::Vector2d begin_wire = Eigen::Vector2d::Zero();  // position of the wire then, mm and rad
     std::optional<std::int64_t> first_healed_um;           // first value from the daemon
     bool last_held = false;
-    std::int64_t resets = 0;
     std::int64_t command_clock_id = 0;
     std::int64_t command_origin_us = -1;
     bool command_doubtful = false;

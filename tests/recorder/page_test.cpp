@@ -101,6 +101,7 @@ TEST_CASE("The page says what the assessment found, against which limits") {
   CHECK_THAT(page, Row("Wrong vessels entered", "once"));
   CHECK_THAT(page, Row("Pulled back by 2 mm or more", "2 times, 7.50 mm in all"));
   CHECK_THAT(page, Row("Fluoroscopy time", "0:00.3 min") && Row("Contrast agent", "1.50 mL"));
+  CHECK_THAT(page, Row("Kerma-area product", "0.875 Gy cm&#xb2;"));
   CHECK_THAT(page,
              Row("Path length of the tip", "36.0 mm") && Row("Reversals, guidewire", "never"));
   CHECK_THAT(page, Row("Smoothness of the hand", "LDLJ -9.50 (no unit)") &&
@@ -201,7 +202,8 @@ TEST_CASE("Every figure in the tables has a unit") {
   const std::string page = FormatPage(report, parts);
   // Nouns that are counted are units too.
   const std::regex unit(
-      "mN|kPa|mm|mL|mGy|deg|%|\\bs\\b|\\bmin\\b|&#xb5;[ms]|\\bms\\b|ticks|times|reports|counts|"
+      "mN|kPa|mm|mL|mGy|Gy "
+      "cm|deg|%|\\bs\\b|\\bmin\\b|&#xb5;[ms]|\\bms\\b|ticks|times|reports|counts|"
       "pulses|"
       "no unit|UTC");
   const std::regex cell("<td[^>]*>([^<]*)</td>");

@@ -285,6 +285,18 @@ TEST_CASE("A reset of the device is no motion") {
   CHECK(Report(faults).Good());
 }
 
+TEST_CASE("A device that restarts is reported as that, and not as a slow machine") {
+  SessionFaults faults;
+  faults.reset = true;
+  SessionReport report = Report(faults);
+  CHECK(report.instruments[0].resets == 1);
+  // The restarted emulator counts its reports from zero again.
+  report.instruments[0].reports_sent = 200;
+  CHECK_THAT(FormatReport(report), Catch::Contains("device restarted once during the session") &&
+                                       !Catch::Contains("too busy for real time"));
+  CHECK_THAT(FormatReport(Report({})), !Catch::Contains("restarted"));
+}
+
 TEST_CASE("Latency is not computed between the clocks of two machines") {
   SessionFaults faults;
   faults.foreign_clock = true;

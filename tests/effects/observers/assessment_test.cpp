@@ -36,6 +36,11 @@ struct Trainee {
   InstrumentPoses target;
   double time_s = 0;
 
+  void PutAt(const Vector3d& tip, double insertion_mm) {
+    state = WireState(MakeWire({.sheath = {tip, Vector3d::UnitX()}}));
+    target[0].insertion_mm = insertion_mm;
+  }
+
   void Go(const Vector3d& tip, double insertion_mm, double seconds) {
     const Vector3d from = state.nodes().back();
     const double begin_mm = target[0].insertion_mm;
@@ -77,6 +82,33 @@ TEST_CASE("Straight to the target: path ratio one, no retraction, reached and sa
   CHECK(trainee["target_reached_s"] == Approx(9.7).margin(0.05));
   CHECK(trainee["safe_success"] == 1);
   CHECK(trainee["mean_speed_mm_s"] == Approx(10).epsilon(0.02));
+}
+
+TEST_CASE("The path ratio counts the route from the place where the tip starts") {
+  Trainee trainee;
+  trainee.PutAt({60, 0, 0}, 60);
+  trainee.Go({100, 0, 0}, 100, 4);
+  CHECK(trainee["tip_path_mm"] == Approx(40).epsilon(0.02));
+  CHECK(trainee["tip_path_ratio"] == Approx(1).epsilon(0.02));
+  trainee.assessment.Restart();
+  trainee.PutAt({20, 0, 0}, 20);
+  trainee.Go({100, 0, 0}, 100, 8);
+  CHECK(trainee["tip_path_ratio"] == Approx(1).epsilon(0.02));
+}
+
+TEST_CASE("A tip that starts in another vessel has the way to the route in addition") {
+  Trainee trainee;
+  trainee.PutAt({60, 24, 0}, 0);
+  trainee.Go({60, 4, 0}, 20, 2);
+  trainee.Go({100, 4, 0}, 60, 4);
+  CHECK(trainee["tip_path_ratio"] == Approx(1).epsilon(0.02));
+}
+
+TEST_CASE("A session that starts at the target has no path ratio") {
+  Trainee trainee;
+  trainee.PutAt({98, 0, 0}, 98);
+  trainee.Go({100, 0, 0}, 100, 1);
+  CHECK(std::isnan(trainee["tip_path_ratio"]));
 }
 
 // Moves the whole vessel sideways.

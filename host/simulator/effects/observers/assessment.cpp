@@ -28,6 +28,7 @@ void Assessment::CopyFrom(const Effect& twin) {
   time_s_ = from.time_s_;
   xray_s_ = from.xray_s_;
   path_mm_ = from.path_mm_;
+  way_mm_ = from.way_mm_;
   tip_ = from.tip_;
   any_converged_ = from.any_converged_;
   since_look_s_ = from.since_look_s_;
@@ -49,6 +50,7 @@ void Assessment::Restart() {
   furthest_mm_ = nearest_mm_ = retracted_mm_ = insertion_mm_ = 0;
   off_route_ = retracting_ = begun_ = any_converged_ = false;
   wrong_vessels_ = retractions_ = 0;
+  way_mm_ = 0;
   tip_.reset();
   reached_s_.reset();
 }
@@ -64,11 +66,22 @@ void Assessment::Observe(const TickView& tick) {
                                       tick.state.poses()[task_.instrument].insertion_mm);
   const Eigen::Vector3d at_rest = moving_ == nullptr ? tip : moving_->AtRest(tip);
   // The wire at the start has been relaxed, but its tick has no report.
-  if (!tip_) tip_ = at_rest;
+  if (!tip_) {
+    tip_ = at_rest;
+    way_mm_ = WayToTargetMm(at_rest);
+  }
   since_look_s_ += tick.step_s;
   if (!tick.report.converged) return;
   any_converged_ = true;
   FollowTip(at_rest);
+}
+
+// A tip that starts beside the route has the straight way to it in addition.
+double Assessment::WayToTargetMm(const Eigen::Vector3d& tip) const {
+  const vessel::Centerline::Nearest nearest = task_.route.NearestTo(tip);
+  const double aside_mm =
+      std::max(0.0, nearest.distance_mm - task_.route.At(nearest.s_mm).radius_mm);
+  return task_.route.length_mm() - nearest.s_mm + aside_mm;
 }
 
 void Assessment::CountRetractions(double insertion_mm) {
@@ -123,11 +136,12 @@ double Assessment::SafeSuccess() const {
 
 std::vector<Reading> Assessment::Readings() const {
   const auto of_tip = [this](double value) { return any_converged_ ? value : kUnknown; };
-  const double route_mm = task_.route.length_mm();
+  // A session that starts at the target has no way to compare with.
+  const double path_ratio = way_mm_ > task_.target_radius_mm ? path_mm_ / way_mm_ : kUnknown;
   return {{"procedure_s", time_s_},
           {"fluoroscopy_s", xray_s_},
           {"tip_path_mm", of_tip(path_mm_)},
-          {"tip_path_ratio", of_tip(path_mm_ / route_mm)},
+          {"tip_path_ratio", of_tip(path_ratio)},
           {"retractions", static_cast<double>(retractions_)},
           {"retracted_mm", retracted_mm_},
           {"wrong_vessel_entries", of_tip(wrong_vessels_)},

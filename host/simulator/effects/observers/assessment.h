@@ -47,6 +47,7 @@ class Assessment final : public Effect, public Observer {
  private:
   void FollowTip(const Eigen::Vector3d& tip);
   double SafeSuccess() const;
+  double WayToTargetMm(const Eigen::Vector3d& tip) const;
   void CountRetractions(double insertion_mm);
 
   const AssessmentTask task_;
@@ -57,6 +58,7 @@ class Assessment final : public Effect, public Observer {
   double time_s_ = 0;
   double xray_s_ = 0;
   double path_mm_ = 0;
+  double way_mm_ = 0;                   // along the route, from the tip at the start to the target
   std::optional<Eigen::Vector3d> tip_;  // last point of the measured path
   bool any_converged_ = false;
   double since_look_s_ = 0;
