@@ -5,6 +5,7 @@
 #include <array>
 #include <cstring>
 #include <functional>
+#include <initializer_list>
 #include <iterator>
 #include <memory>
 #include <string>
@@ -152,8 +153,33 @@ std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& ca
   };
 }
 
+// A path from Python: text, or an object like pathlib.Path. Others are a TypeError.
+std::string PathText(const py::object& path) {
+  return py::module_::import("os").attr("fspath")(path).cast<std::string>();
+}
+
+Scene SceneFrom(const py::object& path) {
+  const std::string text = PathText(path);
+  const py::gil_scoped_release free;
+  return Scene::FromFile(text);
+}
+
+// Representation of an object with some of its properties, such as "Imaging(mode='plain')".
+py::str Represent(const py::object& self, const char* name, std::initializer_list<const char*> of) {
+  std::string text = std::string(name) + "(";
+  for (const char* const property : of) {
+    if (text.back() != '(') text += ", ";
+    text += property + ("=" + py::repr(self.attr(property)).cast<std::string>());
+  }
+  return text + ")";
+}
+
 void AddScene(py::module_& module) {
   py::class_<torquer::InstrumentInfo>(module, "InstrumentInfo", "An instrument of a scene.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(self, "InstrumentInfo", {"name", "max_length_mm", "tip_radius_mm"});
+           })
       .def_readonly("name", &torquer::InstrumentInfo::name)
       .def_readonly("max_length_mm", &torquer::InstrumentInfo::max_length_mm)
       .def_readonly("tip_radius_mm", &torquer::InstrumentInfo::tip_radius_mm)
@@ -162,8 +188,12 @@ void AddScene(py::module_& module) {
       .def_readonly("is_beside", &torquer::InstrumentInfo::is_beside,
                     "True if it lies beside the earlier instruments, with [instrument.entry].");
   py::class_<Scene>(module, "Scene", "A scene, read from a file and checked, with its vessel.")
-      .def(py::init(&Scene::FromFile), py::arg("path"), NoGil(),
-           "Reads a scene file and the files that it names.")
+      .def(py::init(&SceneFrom), py::arg("path"),
+           "Reads a scene file, or a scene of Torquer by its name, and the files that it names.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(self, "Scene", {"name", "path"});
+           })
       .def_static("from_text", &Scene::FromText, py::arg("text"), py::arg("folder") = ".", NoGil(),
                   "Reads a scene from the text of a scene file; its paths are relative to folder.")
       .def_property_readonly("name", &Scene::name)
@@ -225,6 +255,12 @@ void AddSimulation(py::module_& module) {
   using torquer::Imaging;
   using torquer::StepReport;
   py::class_<StepReport>(module, "StepReport", "Report of a step.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(self, "StepReport",
+                              {"ticks", "iterations", "work", "converged", "budget_spent",
+                               "stalled", "snapped", "finished"});
+           })
       .def_readonly("ticks", &StepReport::ticks, "Number of ticks that the step was divided into.")
       .def_readonly("iterations", &StepReport::iterations)
       .def_readonly("work", &StepReport::work, "Work done, in units of the budget.")
@@ -246,6 +282,12 @@ void AddSimulation(py::module_& module) {
            "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60; 0: as in the "
            "scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture that "
            "each shutter covers, 0 to 0.45.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(
+                 self, "Imaging",
+                 {"mode", "pulses_per_s", "magnification", "left", "right", "top", "bottom"});
+           })
       .def_property_readonly(
           "mode", [](const Imaging& self) { return kModes[static_cast<int>(self.mode)]; })
       .def_readonly("pulses_per_s", &Imaging::pulses_per_s)
@@ -257,12 +299,24 @@ void AddSimulation(py::module_& module) {
   py::class_<Simulation>(module, "Simulation", "A running simulation of a scene.")
       .def(py::init<const Scene&>(), py::arg("scene"), NoGil(),
            "Makes a simulation at the start of the scene.")
+      .def(py::init([](const py::object& path) { return Simulation(SceneFrom(path)); }),
+           py::arg("scene"), "Makes a simulation of a scene file, or of Torquer's scene of a name.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(self, "Simulation", {"scene", "time_s"});
+           })
       .def_property_readonly("scene", [](const Simulation& self) { return self.scene(); })
       .def("restart", &Simulation::Restart, NoGil(), "Returns to the start of the scene.")
       .def(
           "copy", [](const Simulation& self) { return std::make_unique<Simulation>(self); },
           NoGil(), "Returns an independent copy, which continues from the same state.")
       .def("__copy__", [](const Simulation& self) { return std::make_unique<Simulation>(self); })
+      .def(
+          "__deepcopy__",
+          [](const Simulation& self, const py::object& /*memo*/) {
+            return std::make_unique<Simulation>(self);
+          },
+          py::arg("memo"))
       .def(
           "restore",
           [](Simulation& self, const Simulation& saved) {

@@ -3,7 +3,7 @@
     import numpy as np
     import torquer
 
-    simulation = torquer.Simulation(torquer.Scene(torquer.scene_path("neuro_arch")))
+    simulation = torquer.Simulation("neuro_arch")
     hands = simulation.hands
     for k in range(100):
         hands[0, 0] += 1  # mm
