@@ -76,7 +76,7 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
       {"friction_coefficient = [0.1, 0.2, 0.3]\n[effects.friction]\ncoefficient = 0.1\n",
        {"friction_coefficient", "has 3 values", "from_tip_mm"}},
       {"friction_coefficient = [0.1, 2.5]\n[effects.friction]\ncoefficient = 0.1\n",
-       {"friction_coefficient[1] = 2.5", "0 to 2"}},
+       {"friction_coefficient = [ 0.1, 2.5 ]", "holds 2.5", "0 to 2"}},
       {"from_tip_mm = [0, 20]\nfriction_coefficient = [0.1, 0.2]\ncoating_mm = 5\n"
        "coating_coefficient = 0.02\n[effects.friction]\ncoefficient = 0.1\n",
        {"coating_mm", "a list of friction_coefficient", "keep one"}},
