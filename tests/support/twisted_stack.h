@@ -60,6 +60,8 @@ struct TwistedStack {
   WireState state{model, stack.size()};
   WireMechanics mechanics{model, field, wall, terms};
   QuadraticModel at = mechanics.MakeQuadraticModel();
+  // Model of a trial state. A new one for each energy takes most of the time of a dense Hessian.
+  QuadraticModel trial = mechanics.MakeQuadraticModel();
   Eigen::Index each = 2 + stack.size();
 
   static std::vector<WireModel> Instruments(int count, const Sheath& sheath) {
@@ -102,10 +104,9 @@ struct TwistedStack {
 
   Eigen::Index unknowns() const { return each * state.segments(); }
   double Energy(const Eigen::VectorXd& x) {
-    QuadraticModel there = mechanics.MakeQuadraticModel();
     mechanics.points().Forget();
-    mechanics.BuildGradient(StackStep(model, state, x), there);
-    return there.energy_mJ;
+    mechanics.BuildGradient(StackStep(model, state, x), trial);
+    return trial.energy_mJ;
   }
 };
 

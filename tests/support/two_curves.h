@@ -33,6 +33,8 @@ struct TwoCurves {
   WireState state{model, stack.size()};
   WireMechanics mechanics;
   QuadraticModel at;
+  // Model of a trial state. A new one for each energy takes most of the time of a dense Hessian.
+  QuadraticModel trial;
 
   using Marks = std::array<bool, kMostInstruments>;
   // Offset of the entry of an instrument that lies beside others, within a third one if that has
@@ -68,7 +70,8 @@ struct TwoCurves {
       : stack(Instruments(sheath, ratio, poses.size(), rooms, beside), ClearanceOf(rooms, beside)),
         wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
         mechanics(stack, field, wall, terms),
-        at(mechanics.MakeQuadraticModel()) {
+        at(mechanics.MakeQuadraticModel()),
+        trial(mechanics.MakeQuadraticModel()) {
     std::mt19937 random(seed);
     std::vector<Vector3d> arc;
     for (double a = 0.02; a < 1; a += 0.02) {
@@ -125,10 +128,9 @@ struct TwoCurves {
     for (int c = 0; c < stack.curves(); ++c) mechanics.points(c).Forget();
   }
   double Energy(const Eigen::VectorXd& x) {
-    QuadraticModel there = mechanics.MakeQuadraticModel();
     Forget();
-    mechanics.BuildGradient(Stepped(x), there);
-    return there.energy_mJ;
+    mechanics.BuildGradient(Stepped(x), trial);
+    return trial.energy_mJ;
   }
   Eigen::VectorXd Gradient() const {
     Eigen::VectorXd gradient(unknowns());
