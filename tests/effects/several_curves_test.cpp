@@ -88,8 +88,8 @@ TEST_CASE("The route of an assessed instrument begins at its own entry") {
   SceneOf scene(kFork + buddy + kAssessment + "instrument = \"buddy\"\n");
   simulator::Simulation session(*scene);
   Move(session, 1, 50);
-  // From 61 mm to 91 mm of the centerline, on a route that begins at 41 mm.
-  CHECK(Reading(session, "tip_path_ratio") == Approx(30. / 50).epsilon(0.05));
+  // From 61 mm to 91 mm of the centerline. The other instrument's tip rests.
+  CHECK(Reading(session, "tip_path_ratio") == Approx(1).epsilon(0.05));
 }
 
 TEST_CASE("The forces at the tip are those of the tip that presses most, beside the farthest too") {
