@@ -67,7 +67,7 @@ std::vector<FocusHeight> ReadSeries(const std::string& path) {
     }
     if (!heights.empty()) static_cast<void>(calibration::FindFocus(heights));
   }
-  AtomicFile{path};
+  const AtomicFile writable(path);
   return heights;
 }
 
