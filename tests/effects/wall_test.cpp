@@ -170,6 +170,15 @@ TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's 
   }
 }
 
+// Compares the force on each point with its coefficient, ordered from the tip.
+void CheckFromTip(const std::vector<double>& forces, const std::vector<double>& coefficients) {
+  REQUIRE(coefficients.size() == static_cast<std::size_t>(Row::kPoints));
+  for (std::size_t k = 0; k < coefficients.size(); ++k) {
+    INFO("point " << k << " from the tip");
+    CHECK(forces[Row::kPoints - 1 - k] == Approx(coefficients[k] * 0.1));
+  }
+}
+
 TEST_CASE("Each instrument of a stack has its own friction, its own coating and its own end") {
   Row row;
   // The catheter ends 3 mm behind the wire's tip.
@@ -184,13 +193,8 @@ TEST_CASE("Each instrument of a stack has its own friction, its own coating and 
        .coating_mm = 1.5,
        .coating_coefficient = 0.1}};
   effects::Friction friction(0.2, 0.005, context);
-  const std::vector<double> forces = row.Slipping(friction);
   // From the tip: two points of the coated wire, one of the bare one, two of the coated catheter.
-  const std::vector<double> expected = {0.05, 0.05, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3};
-  for (std::size_t k = 0; k < expected.size(); ++k) {
-    INFO("point " << k << " from the tip");
-    CHECK(forces[Row::kPoints - 1 - k] == Approx(expected[k] * 0.1));
-  }
+  CheckFromTip(row.Slipping(friction), {0.05, 0.05, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3});
 }
 
 TEST_CASE("Friction follows the list of coefficients along each instrument") {
@@ -207,12 +211,7 @@ TEST_CASE("Friction follows the list of coefficients along each instrument") {
        .model = &row.model,
        .friction_coefficient = effects::ValuesAlong({1, 5}, {0.1, 0.5})}};
   effects::Friction friction(0.2, 0.005, context);
-  const std::vector<double> forces = row.Slipping(friction);
-  const std::vector<double> expected = {0.05, 0.05, 0.3, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5};
-  for (std::size_t k = 0; k < expected.size(); ++k) {
-    INFO("point " << k << " from the tip");
-    CHECK(forces[Row::kPoints - 1 - k] == Approx(expected[k] * 0.1));
-  }
+  CheckFromTip(row.Slipping(friction), {0.05, 0.05, 0.3, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5});
 }
 
 TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {

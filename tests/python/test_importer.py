@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import signal
 import subprocess
 import sys
 
@@ -213,6 +214,19 @@ def test_refused_seeds(angiography, imported):
     done = run(imported / "scan.nii.gz", "--seed=0,0,30", "--out", imported / "patient")
     assert done.returncode == 2 and "exists already" in done.stderr
     assert sorted(path.name for path in imported.iterdir()) == ["again", "patient", "scan.nii.gz"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_import_that_is_stopped_leaves_nothing(imported, tmp_path, number):
+    words = [imported / "scan.nii.gz", "--seed=0,0,30", "--out", tmp_path / "patient"]
+    process = subprocess.Popen([sys.executable, "-B", "-m", "torquer.importer", *words], stderr=subprocess.PIPE, text=True)
+    # The first step is announced when the folder exists and the scan is not read yet.
+    assert "Reading the scan" in process.stderr.readline()
+    assert list(tmp_path.iterdir())
+    process.send_signal(number)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130 and "torquer-import: stopped" in error
+    assert not list(tmp_path.iterdir())
 
 
 def test_metal_and_a_cut_vessel_are_refused(angiography):

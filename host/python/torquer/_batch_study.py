@@ -7,7 +7,6 @@ import dataclasses
 import difflib
 import functools
 import hashlib
-import importlib
 import io
 import itertools
 import json
@@ -17,7 +16,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tupl
 
 import numpy as np
 
-from . import Error, Scene, __version__, scene_names, scene_path
+from . import Error, Scene, __version__, _command, scene_names, scene_path
 from ._user_file import read_text, read_toml
 
 SHAPES = ("last", "rows", "none")
@@ -411,7 +410,4 @@ def _writer() -> Any:
 
 def need(module: str, package: str) -> Any:
     """Imports a module of a Debian package that only torquer-batch needs."""
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise Error(f"torquer-batch needs the package {package}: apt-get install {package}") from None
+    return _command.need("torquer-batch", module, package)

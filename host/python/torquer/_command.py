@@ -1,12 +1,17 @@
-"""Ends each command correctly if a standard stream is closed, full, limited or without a reader."""
+"""Common parts of the commands: optional packages, completion, and an end that is correct even if a standard
+stream is closed, full, limited or without a reader."""
 
 from __future__ import annotations
 
+import argparse
 import errno
+import importlib
 import io
 import os
 import sys
-from typing import Callable, TextIO, cast
+from typing import Any, Callable, TextIO, cast
+
+from . import Error
 
 _SUCCESS, _USER_ERROR, _INTERRUPTED = 0, 2, 130
 
@@ -29,6 +34,23 @@ class _Errors(io.TextIOBase):
     def write(self, text: str) -> int:
         _write_whole(2, text)
         return len(text)
+
+
+def need(command: str, module: str, package: str) -> Any:
+    """Imports a module of a Debian package that only this command needs."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise Error(f"{command} needs the package {package}: apt-get install {package}") from None
+
+
+class Completion(argparse.Action):
+    """Prints the completion for bash: options and files."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        options = [option for action in parser._actions for option in action.option_strings if option.startswith("--")]
+        print(f'complete -o default -W "{" ".join(options)}" {parser.prog}')
+        parser.exit()
 
 
 def _write_whole(descriptor: int, text: str) -> bool:

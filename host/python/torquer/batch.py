@@ -272,15 +272,6 @@ def _unexpected(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-class _Completion(argparse.Action):
-    """Prints the completion for bash: options and files."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        options = [option for action in parser._actions for option in action.option_strings if option.startswith("--")]
-        print(f'complete -o default -W "{" ".join(options)}" {parser.prog}')
-        parser.exit()
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="torquer-batch",
@@ -296,7 +287,7 @@ def main() -> int:
     )
     where.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler, such as tcp://node1:8786")
     parser.add_argument("--json", action="store_true", help="print one line of JSON at the end")
-    parser.add_argument("--completion", choices=["bash"], action=_Completion, help="print a completion script for bash")
+    parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
     arguments = parser.parse_args()
     out = arguments.out or f"{pathlib.Path(arguments.study).stem}-results"
     try:

@@ -5,6 +5,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import sys
 import tempfile
 from typing import Any, List, Optional
@@ -104,15 +105,6 @@ def _import(arguments: argparse.Namespace) -> str:
             shutil.rmtree(temporary, ignore_errors=True)
 
 
-class _Completion(argparse.Action):
-    """Prints the completion for bash: options and files."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        options = [option for action in parser._actions for option in action.option_strings if option.startswith("--")]
-        print(f'complete -o default -W "{" ".join(options)}" {parser.prog}')
-        parser.exit()
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="torquer-import",
@@ -128,8 +120,10 @@ def main() -> int:
     parser.add_argument("--label", metavar="N", type=int, help="SCAN is a label map, and N the value of the lumen in it")
     parser.add_argument("--series", metavar="N", type=int, help="number of the series in a folder with several")
     parser.add_argument("--root", metavar="L,P,S", help="the blood enters at the tip nearest to this place (default: the widest)")
-    parser.add_argument("--completion", choices=["bash"], action=_Completion, help="print a completion script for bash")
+    parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
     arguments = parser.parse_args()
+    # Ends as Ctrl-C does, so that no unfinished folder stays.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         said = _import(arguments)
     except Error as error:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from typing import Any, Optional, TextIO
 
 import numpy as np
 import numpy.typing as npt
 
-from .. import Error
+from .. import Error, _command
 
 Points = npt.NDArray[np.float64]
 """Shape (n, 3)."""
@@ -27,11 +26,7 @@ _PACKAGES = {
 
 def need(module: str) -> Any:
     """Imports a module of a Debian package that only the importer needs."""
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        package = _PACKAGES[module.split(".")[0]]
-        raise Error(f"torquer-import needs the package {package}: apt-get install {package}") from None
+    return _command.need("torquer-import", module, _PACKAGES[module.split(".")[0]])
 
 
 class Progress:

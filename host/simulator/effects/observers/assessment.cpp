@@ -28,7 +28,7 @@ void Assessment::CopyFrom(const Effect& twin) {
   time_s_ = from.time_s_;
   xray_s_ = from.xray_s_;
   path_mm_ = from.path_mm_;
-  way_mm_ = from.way_mm_;
+  start_to_target_mm_ = from.start_to_target_mm_;
   tip_ = from.tip_;
   any_converged_ = from.any_converged_;
   since_look_s_ = from.since_look_s_;
@@ -50,7 +50,7 @@ void Assessment::Restart() {
   furthest_mm_ = nearest_mm_ = retracted_mm_ = insertion_mm_ = 0;
   off_route_ = retracting_ = begun_ = any_converged_ = false;
   wrong_vessels_ = retractions_ = 0;
-  way_mm_ = 0;
+  start_to_target_mm_ = 0;
   tip_.reset();
   reached_s_.reset();
 }
@@ -68,7 +68,7 @@ void Assessment::Observe(const TickView& tick) {
   // The wire at the start has been relaxed, but its tick has no report.
   if (!tip_) {
     tip_ = at_rest;
-    way_mm_ = WayToTargetMm(at_rest);
+    start_to_target_mm_ = WayToTargetMm(at_rest);
   }
   since_look_s_ += tick.step_s;
   if (!tick.report.converged) return;
@@ -137,7 +137,8 @@ double Assessment::SafeSuccess() const {
 std::vector<Reading> Assessment::Readings() const {
   const auto of_tip = [this](double value) { return any_converged_ ? value : kUnknown; };
   // A session that starts at the target has no way to compare with.
-  const double path_ratio = way_mm_ > task_.target_radius_mm ? path_mm_ / way_mm_ : kUnknown;
+  const double path_ratio =
+      start_to_target_mm_ > task_.target_radius_mm ? path_mm_ / start_to_target_mm_ : kUnknown;
   return {{"procedure_s", time_s_},
           {"fluoroscopy_s", xray_s_},
           {"tip_path_mm", of_tip(path_mm_)},

@@ -58,7 +58,7 @@ class Assessment final : public Effect, public Observer {
   double time_s_ = 0;
   double xray_s_ = 0;
   double path_mm_ = 0;
-  double way_mm_ = 0;                   // along the route, from the tip at the start to the target
+  double start_to_target_mm_ = 0;       // along the route, from the tip at the start
   std::optional<Eigen::Vector3d> tip_;  // last point of the measured path
   bool any_converged_ = false;
   double since_look_s_ = 0;
