@@ -166,26 +166,31 @@ async function marked() {
   return { dark: those((gray) => gray < -12), touched: those((gray) => gray < -5), bright: those((gray) => gray > 12) };
 }
 const dye = () => page.evaluate(() => window.torquer.readings()?.values.contrast_injected_mL ?? 0);
-// Presses the pedal, then injects 20 mL of contrast; returns the result of `seen` during the flow.
-async function inject(seen) {
+// Presses the pedal, then injects contrast; returns the result of `seen` during the flow.
+async function inject(mL, seen) {
   const [start, taken] = [await dye(), await pictures()];
   await page.keyboard.down("Space");
   await until("the mask is taken", async () => (await pictures()) >= taken + 3);
-  await hold("KeyC", "20 mL", async () => (await dye()) >= start + 20);
+  await hold("KeyC", `${mL} mL`, async () => (await dye()) >= start + mL);
   const found = await seen();
   await page.keyboard.up("Space");
   return found;
 }
 
-// Time in which the dye reaches its farthest extent.
-const DYE_MS = 7000;
+const simulatedS = () => page.evaluate(() => window.torquer.state().timeS);
+const later = async (seconds) => {
+  const end = (await simulatedS()) + seconds;
+  return async () => (await simulatedS()) >= end;
+};
+// Simulated time in which the dye reaches its farthest extent.
+const DYE_S = 7;
 
 test("subtracted, dye is dark and all else even; a road map keeps it bright when it is gone", async () => {
   await mode("subtraction");
-  // A busy page misses pulses, so it sees fewer filled blocks than the map keeps.
+  // A busy page misses pulses and releases the pedal late. So the map gets less dye for less time.
   const [filled, touched] = [new Set(), new Set()];
-  await inject(async () => {
-    for (const end = Date.now() + DYE_MS; Date.now() < end;) {
+  await inject(24, async () => {
+    for (const ended = await later(DYE_S + 1); !(await ended());) {
       const seen = await marked();
       for (const block of seen.dark) filled.add(block);
       for (const block of seen.touched) touched.add(block);
@@ -194,10 +199,10 @@ test("subtracted, dye is dark and all else even; a road map keeps it bright when
   assert.ok(filled.size > 15, `${filled.size} blocks were filled`);
   assert.ok(touched.size < 0.5 * 32 * 32, `${touched.size} blocks were touched`);
 
-  await page.waitForTimeout(6000); // the contrast agent flows away
+  await until("the contrast agent has flowed away", await later(6));
   await mode("road map");
-  const map = await inject(async () => {
-    await page.waitForTimeout(DYE_MS);
+  const map = await inject(20, async () => {
+    await until("the dye has spread", await later(DYE_S));
     return marked();
   });
   const within = [...map.bright].filter((block) => filled.has(block)).length;
