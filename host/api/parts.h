@@ -7,6 +7,7 @@
 //   Hand, InstrumentInfo: InstrumentPose and effects::Instrument, with which mechanics calculates
 //   Imaging, Reading, Picture: those of effects, which read the first and fill the others
 //   Forces: InternalForces, in N and mJ
+//   Surface: vessel::SurfaceMesh, without the removed parts
 #pragma once
 
 #include <Eigen/Core>

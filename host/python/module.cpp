@@ -5,7 +5,6 @@
 #include <array>
 #include <cstring>
 #include <functional>
-#include <initializer_list>
 #include <iterator>
 #include <memory>
 #include <string>
@@ -18,32 +17,13 @@ using torquer::Simulation;
 using torquer::python::EndsAtInterruption;
 using torquer::python::Interruption;
 using torquer::python::NoGil;
+using torquer::python::PathText;
+using torquer::python::Represent;
 using torquer::python::RequireColumns;
 using torquer::python::Rows;
-
-namespace torquer::python {
-
-void RequireColumns(const Rows& rows, const char* name, int columns) {
-  if (rows.ndim() == 2 && rows.shape(1) == columns) return;
-  std::string shape;
-  for (py::ssize_t k = 0; k < rows.ndim(); ++k) {
-    shape += (k == 0 ? "" : ", ") + std::to_string(rows.shape(k));
-  }
-  throw torquer::Error(std::string(name) + " has the shape (" + shape + "); give (n, " +
-                       std::to_string(columns) + ")");
-}
-
-}  // namespace torquer::python
+using torquer::python::ToRows;
 
 namespace {
-
-py::array_t<double> ToRows(const std::vector<torquer::Point>& points) {
-  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}});
-  if (!points.empty()) {
-    std::memcpy(out.mutable_data(), points.data(), points.size() * sizeof(points[0]));
-  }
-  return out;
-}
 
 py::array_t<double> ToColumn(const std::vector<double>& values) {
   return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
@@ -153,25 +133,10 @@ std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& ca
   };
 }
 
-// A path from Python: text, or an object like pathlib.Path. Others are a TypeError.
-std::string PathText(const py::object& path) {
-  return py::module_::import("os").attr("fspath")(path).cast<std::string>();
-}
-
 Scene SceneFrom(const py::object& path) {
   const std::string text = PathText(path);
   const py::gil_scoped_release free;
   return Scene::FromFile(text);
-}
-
-// Representation of an object with some of its properties, such as "Imaging(mode='plain')".
-py::str Represent(const py::object& self, const char* name, std::initializer_list<const char*> of) {
-  std::string text = std::string(name) + "(";
-  for (const char* const property : of) {
-    if (text.back() != '(') text += ", ";
-    text += property + ("=" + py::repr(self.attr(property)).cast<std::string>());
-  }
-  return text + ")";
 }
 
 void AddScene(py::module_& module) {
@@ -445,6 +410,7 @@ PYBIND11_MODULE(_torquer, module) {
   module.attr("__version__") = torquer::Version();
   py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
   AddScene(module);
+  torquer::python::AddSurface(module);
   AddSimulation(module);
   torquer::python::AddNavigation(module);
 }

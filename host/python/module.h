@@ -8,7 +8,9 @@
 
 #include <chrono>
 #include <functional>
+#include <initializer_list>
 #include <string>
+#include <vector>
 
 #include "host/python/navigation.h"
 #include "host/python/navigation_pool.h"
@@ -40,6 +42,7 @@ namespace pybind11::detail {
   class type_caster<Type> : public torquer::python::MadeCaster<Type> {}
 TORQUER_MADE(torquer::InstrumentInfo);
 TORQUER_MADE(torquer::Scene);
+TORQUER_MADE(torquer::Surface);
 TORQUER_MADE(torquer::StepReport);
 TORQUER_MADE(torquer::Imaging);
 TORQUER_MADE(torquer::Simulation);
@@ -80,6 +83,17 @@ inline std::function<bool(const StepReport&)> EndsAtInterruption() {
 /// Throws if the array does not consist of rows with this number of columns.
 void RequireColumns(const Rows& rows, const char* name, int columns);
 
+/// Points as an array of the shape (n, 3).
+pybind11::array_t<double> ToRows(const std::vector<Point>& points);
+
+/// A path from Python: text, or an object like pathlib.Path. Others are a TypeError.
+std::string PathText(const pybind11::object& path);
+
+/// Representation of an object with some of its properties, such as "Imaging(mode='plain')".
+pybind11::str Represent(const pybind11::object& self, const char* name,
+                        std::initializer_list<const char*> of);
+
+void AddSurface(pybind11::module_& module);
 void AddNavigation(pybind11::module_& module);
 
 }  // namespace torquer::python

@@ -63,6 +63,27 @@ struct InstrumentInfo {
   bool is_beside = false;  ///< lies beside the earlier instruments, with [instrument.entry]
 };
 
+/// Surface of a lumen as a scene uses it: repaired, its open ends closed flat.
+struct TORQUER_API Surface {
+  std::vector<Point> points_mm;
+  /// Numbers of points, counterclockwise as seen from outside.
+  std::vector<std::array<std::int32_t, 3>> triangles;
+  /// Defects that were found and repaired, one sentence each.
+  std::vector<std::string> findings;
+  /// "LPS" or "RAS" if the file names its coordinate system, as 3D Slicer does; otherwise empty.
+  std::string space;
+
+  /// Reads an STL, OBJ or PLY file. `mesh_unit`: unit of its coordinates, as in a scene: mm, m, cm,
+  /// um or in. Throws Error if the surface cannot be repaired, naming the place and the remedy.
+  static Surface FromFile(const std::string& path, const std::string& mesh_unit);
+  /// As FromFile, from triangles in that unit; they may be open and face either way. `name` stands
+  /// for the file in messages. Throws Error also for a number of no point, and at a point that is
+  /// not finite.
+  static Surface FromTriangles(const std::vector<Point>& points,
+                               const std::vector<std::array<std::int32_t, 3>>& triangles,
+                               const std::string& name, const std::string& mesh_unit);
+};
+
 /// Checked contents of a scene file, with its vessel. Copies are cheap and share the data.
 class TORQUER_API Scene {
  public:

@@ -23,6 +23,7 @@ from ._torquer import (
     Scene,
     Simulation,
     StepReport,
+    Surface,
     __version__,
 )
 from .states import States, read_states
@@ -35,6 +36,7 @@ __all__ = [
     "Simulation",
     "States",
     "StepReport",
+    "Surface",
     "__version__",
     "read_states",
     "scene_names",

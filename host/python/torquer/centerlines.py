@@ -331,7 +331,7 @@ def _points_shared(line: Line, earlier: List[Line]) -> int:
     return most
 
 
-def _without_trunks(lines: List[Line]) -> List[Line]:
+def without_trunks(lines: List[Line]) -> List[Line]:
     """Leaves out what a line shares with an earlier one, except for the point where it branches off.
 
     VMTK repeats the trunk in the line to each target; blood would flow through it twice.
@@ -355,7 +355,7 @@ def convert(
     has none: they lie in that of the surface.
     """
     read = read_vtp(source)
-    lines = _without_trunks(read)
+    lines = without_trunks(read)
     write_folder(
         folder,
         {f"line_{k}.mrk.json": slicer_curve(line.points, line.radii, unit, None) for k, line in enumerate(lines, 1)},

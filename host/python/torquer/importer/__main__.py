@@ -8,12 +8,13 @@ import shutil
 import signal
 import sys
 import tempfile
-from typing import Any, List, Optional
+from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
 from .. import Error, Scene, __version__, _command
-from . import case, centerlines, lumen, scan, surface
+from ..centerlines import UNITS
+from . import _given, case, centerlines, lumen, scan, surface
 from ._base import Progress, need
 
 
@@ -36,10 +37,9 @@ def _label_mesh(read: scan.Scan, number: int) -> surface.Mesh:
     return surface.isosurface(picture, 0.5, read.affine)
 
 
-def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: Progress) -> str:
-    """Makes all files in a folder; returns a description."""
+def _from_scan(folder: pathlib.Path, arguments: argparse.Namespace, progress: Progress) -> Tuple[surface.Mesh, List[str]]:
+    """Surface of the lumen in a scan or a label map, and sentences about the steps."""
     seeds = np.array([_point("--seed", text) for text in arguments.seed]).reshape(-1, 3)
-    root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
     progress.step("Reading the scan")
     read = scan.read(arguments.scan, arguments.series)
     facts: List[str] = list(read.facts)
@@ -63,9 +63,38 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
         f"Surface: {len(mesh.triangles)} triangles, {mesh.volume_mm3() / 1000:.2f} mL; smoothing and decimation changed the "
         f"volume by {100 * (mesh.volume_mm3() / before - 1):.2f} %."
     )
+    return mesh, facts
+
+
+def _from_surface(
+    arguments: argparse.Namespace, root: Optional[Any], progress: Progress
+) -> Tuple[surface.Mesh, Optional[List[centerlines.Curve]], List[str]]:
+    """Repaired surface, its centerlines if they are given, and sentences about the steps."""
+    progress.step("Reading the surface")
+    mesh, space, facts = _given.read_surface(arguments.scan, arguments.mesh_unit, arguments.space)
+    before = len(mesh.triangles)
+    mesh = surface.decimate(mesh)
+    if len(mesh.triangles) < before:
+        facts.append(f"Surface: {before} triangles were reduced to {len(mesh.triangles)}, with the volume kept.")
+    curves = None
+    if arguments.centerlines is not None:
+        curves, said = _given.read_lines(arguments.centerlines, arguments.mesh_unit, space, root)
+        facts += said
+    return mesh, curves, facts
+
+
+def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: Progress) -> str:
+    """Makes all files in a folder; returns a description."""
+    root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
+    curves: Optional[List[centerlines.Curve]] = None
+    if _given.is_surface(arguments.scan):
+        mesh, curves, facts = _from_surface(arguments, root, progress)
+    else:
+        mesh, facts = _from_scan(folder, arguments, progress)
     surface.write_stl(folder / "surface.stl", mesh)
-    progress.step("Centerlines")
-    curves = centerlines.find(mesh, root)
+    if curves is None:
+        progress.step("Centerlines")
+        curves = centerlines.find(mesh, root)
     centerlines.write(folder / "centerlines", curves)
     facts.append(f"{len(curves)} centerlines, {sum(float(curve.lengths_mm()[-1]) for curve in curves):.0f} mm.")
     progress.step("Scene")
@@ -80,14 +109,32 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
     return "\n".join(facts)
 
 
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Refuses options that do not belong to the kind of input."""
+    is_surface = _given.is_surface(arguments.scan)
+    given = {
+        "--seed": bool(arguments.seed), "--label": arguments.label is not None, "--series": arguments.series is not None,
+        "--mesh-unit": arguments.mesh_unit is not None, "--space": arguments.space is not None,
+        "--centerlines": arguments.centerlines is not None,
+    }
+    others = list(given)[:3] if is_surface else list(given)[3:]
+    wrong = [option for option in others if given[option]]
+    if wrong:
+        kind, other = ("a surface", "a scan") if is_surface else ("no surface", "a surface")
+        raise Error(f"{wrong[0]}: is for {other}, but {arguments.scan} is {kind}; leave it out")
+    if is_surface and arguments.mesh_unit is None:
+        raise Error("give --mesh-unit: a surface does not state its unit; mm for most segmentations, m or cm for some models")
+    if not is_surface and given["--seed"] == given["--label"]:
+        raise Error("give --seed for a CT angiography, or --label for a label map, and not both")
+
+
 def _import(arguments: argparse.Namespace) -> str:
     out = pathlib.Path(arguments.out)
     if os.path.lexists(out):
         raise Error(f"--out {out}: exists already; remove it, or give another name")
     if not re.fullmatch(r"[A-Za-z0-9_-]+", out.name):
         raise Error(f"--out {out}: the name becomes that of the scene; give letters, digits, - and _")
-    if (arguments.label is None) == (not arguments.seed):
-        raise Error("give --seed for a CT angiography, or --label for a label map, and not both")
+    _check_options(arguments)
     temporary = None
     try:
         temporary = pathlib.Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
@@ -108,10 +155,14 @@ def _import(arguments: argparse.Namespace) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="torquer-import",
-        description="Makes a case from a patient's CT angiography, or from a label map of the vessels: surface, centerlines, scene.",
+        description="Makes a case from a patient's CT angiography, from a label map of the vessels, or from their surface: "
+        "surface, centerlines, scene.",
     )
     parser.add_argument("--version", action="version", version=f"torquer-import {__version__}")
-    parser.add_argument("scan", metavar="SCAN", help="folder of DICOM files, or a NIfTI, NRRD or MetaImage file")
+    parser.add_argument(
+        "scan", metavar="SCAN",
+        help="folder of DICOM files; a NIfTI, NRRD or MetaImage file; or a surface: STL, OBJ, PLY, VTP or VTK",
+    )
     parser.add_argument("--out", metavar="FOLDER", required=True, help="new folder for the case; its name becomes that of the scene")
     parser.add_argument(
         "--seed", metavar="L,P,S", action="append", default=[],
@@ -119,6 +170,9 @@ def main() -> int:
     )
     parser.add_argument("--label", metavar="N", type=int, help="SCAN is a label map, and N the value of the lumen in it")
     parser.add_argument("--series", metavar="N", type=int, help="number of the series in a folder with several")
+    parser.add_argument("--mesh-unit", metavar="UNIT", choices=UNITS, help="SCAN is a surface in this unit: mm, m, cm, um or in")
+    parser.add_argument("--space", choices=_given.SPACES, help="coordinate system of a surface that does not name it (default: LPS)")
+    parser.add_argument("--centerlines", metavar="FILE", help="centerlines of VMTK (.vtp) in the unit and the space of a surface")
     parser.add_argument("--root", metavar="L,P,S", help="the blood enters at the tip nearest to this place (default: the widest)")
     parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
     arguments = parser.parse_args()

@@ -259,7 +259,7 @@ def _joined(curve: Points, parent: Curve) -> Points:
     return np.vstack([place, curve[first + 1 :]])
 
 
-def _clamp(radii: Floats, points: Points, parent: Curve) -> Floats:
+def clamp(radii: Floats, points: Points, parent: Curve) -> Floats:
     """Radii within the parent's lumen: at most that where the curve leaves it."""
     _, step = _nearest_on(parent.points, points[0])
     left = np.flatnonzero(np.linalg.norm(points - points[0], axis=1) > parent.radii[step])
@@ -310,7 +310,7 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
             kept.append(None)
             continue
         if above is not None:
-            radii = _clamp(radii, line, curves[above])
+            radii = clamp(radii, line, curves[above])
         kept.append(len(curves))
         curves.append(Curve(f"c{len(curves):02}", line, np.maximum(radii, 0.05), above))
     if not curves:

@@ -1,0 +1,44 @@
+// Values between Python and torquer.h, for all sources of torquer._torquer.
+#include <cstring>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include "host/python/module.h"
+
+namespace py = pybind11;
+
+namespace torquer::python {
+
+void RequireColumns(const Rows& rows, const char* name, int columns) {
+  if (rows.ndim() == 2 && rows.shape(1) == columns) return;
+  std::string shape;
+  for (py::ssize_t k = 0; k < rows.ndim(); ++k) {
+    shape += (k == 0 ? "" : ", ") + std::to_string(rows.shape(k));
+  }
+  throw torquer::Error(std::string(name) + " has the shape (" + shape + "); give (n, " +
+                       std::to_string(columns) + ")");
+}
+
+py::array_t<double> ToRows(const std::vector<torquer::Point>& points) {
+  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}});
+  if (!points.empty()) {
+    std::memcpy(out.mutable_data(), points.data(), points.size() * sizeof(points[0]));
+  }
+  return out;
+}
+
+std::string PathText(const py::object& path) {
+  return py::module_::import("os").attr("fspath")(path).cast<std::string>();
+}
+
+py::str Represent(const py::object& self, const char* name, std::initializer_list<const char*> of) {
+  std::string text = std::string(name) + "(";
+  for (const char* const property : of) {
+    if (text.back() != '(') text += ", ";
+    text += property + ("=" + py::repr(self.attr(property)).cast<std::string>());
+  }
+  return text + ")";
+}
+
+}  // namespace torquer::python
