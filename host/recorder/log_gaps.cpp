@@ -135,6 +135,12 @@ void LogGaps::AddRegular(const std::string& channel, const std::string& sender,
   of.time_us = time_us;
 }
 
+std::int64_t LogGaps::missing_commands() const {
+  std::int64_t missing = 0;
+  for (const auto& [name, of] : instruments_) Count(of.missing_commands, missing);
+  return missing;
+}
+
 std::vector<std::string> LogGaps::DescribeSilences() const {
   std::vector<std::string> lines;
   for (const auto& [key, of] : senders_) {

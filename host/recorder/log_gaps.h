@@ -29,6 +29,8 @@ class LogGaps {
   void Add(const torquer_lcm::hand_motion_t& truth);
   void AddScene();
 
+  /// Number of commands that are missing, of all instruments.
+  std::int64_t missing_commands() const;
   /// One phrase for each gap of an instrument or channel; empty if no number is missing.
   std::vector<std::string> Describe() const;
   /// One phrase for each sender with late periodic messages: they are missing or the sender was

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,12 +11,14 @@
 #include "calibration/calibration_file.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/report_page.h"
+#include "host/recorder/session_judge.h"
 #include "host/recorder/session_limits.h"
 #include "host/recorder/session_summary.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/simulator/vessel/surface_net.h"
 #include "host/support/atomic_file.h"
+#include "host/support/error.h"
 #include "host/support/fnv1a.h"
 #include "host/support/program.h"
 
@@ -81,6 +84,25 @@ class PageFiles {
   torquer::AtomicFile summary_;
 };
 
+// Judges a session whose scene has observers. Returns the scene if it was opened. A scene file that
+// cannot be read is an error only if the caller needs it.
+std::unique_ptr<torquer::scene::Scene> OpenAndJudge(const std::string& log,
+                                                    const std::string& scene_file, bool needed,
+                                                    torquer::SessionReport& report) {
+  const bool observed = !report.readings.names.empty();
+  if (!needed && !observed) return nullptr;
+  std::unique_ptr<torquer::scene::Scene> scene;
+  try {
+    scene = std::make_unique<torquer::scene::Scene>(scene_file);
+  } catch (const torquer::UserError& error) {
+    if (needed) throw;
+    report.not_gradable = error.what();
+    return nullptr;
+  }
+  if (observed) torquer::ApplyJudgment(torquer::JudgeSession(*scene, log), report);
+  return scene;
+}
+
 int Run(const Arguments& arguments) {
   if (arguments.log.empty()) throw torquer::UsageError("LOG is missing; name the log of a session");
   if (!arguments.page.empty() && !arguments.page.ends_with(".html")) {
@@ -101,9 +123,11 @@ int Run(const Arguments& arguments) {
   report.damage = summary.damage;
   report.unknown = summary.unknown;
   report.started_us = summary.started_us;
+  const std::string scene_file = arguments.scene.empty() ? report.scene_file : arguments.scene;
+  const std::unique_ptr<torquer::scene::Scene> opened =
+      OpenAndJudge(arguments.log, scene_file, picture.has_value() || page.has_value(), report);
   if (picture || page) {
-    const torquer::scene::Scene scene(arguments.scene.empty() ? report.scene_file
-                                                              : arguments.scene);
+    const torquer::scene::Scene& scene = *opened;
     const torquer::PictureVessel surface = Surface(scene.vessel());
     if (picture) {
       picture->out() << torquer::DrawReport(report, surface, false);

@@ -52,6 +52,12 @@ std::string PageFigures::Patch() const {
 }
 
 PageVerdict PageFigures::Verdict() const {
+  if (!now_.gradable) {
+    return {PageVerdict::Kind::kOpen, "Not gradable",
+            "The session cannot be repeated exactly: " + SafeText(report_.not_gradable) +
+                ". The values below are those of the live session. They depend on the load of the "
+                "machine, so they are no marks."};
+  }
   if (!now_.target_reached && report_.Has("assessment")) {
     return {PageVerdict::Kind::kOpen, "Not known",
             "The result of this session is not known: no moment of it settled, or its readings are "
@@ -123,6 +129,7 @@ std::vector<std::string> PageFigures::Doubts() const {
 
 std::vector<PageFinding> PageFigures::Findings() const {
   std::vector<PageFinding> findings;
+  if (!now_.gradable) return findings;
   if (now_.target_reached || report_.Has("assessment")) AddTarget(findings);
   AddWall(findings);
   if (now_.target_reached || report_.Has("assessment")) AddWay(findings);
@@ -239,12 +246,12 @@ std::vector<PageRow> PageFigures::Motion() const {
 }
 
 std::string PageFigures::Share(std::int64_t ticks) const {
-  const auto all = static_cast<double>(std::max<std::int64_t>(report_.course.solver().ticks, 1));
+  const auto all = static_cast<double>(std::max<std::int64_t>(report_.solver.ticks, 1));
   return fmt::format("{} ticks ({} %)", ticks, ValueText(100 * static_cast<double>(ticks) / all));
 }
 
 std::vector<PageRow> PageFigures::Solver() const {
-  const SolverHealth& solver = report_.course.solver();
+  const SolverHealth& solver = report_.solver;
   return {
       {"Simulated", fmt::format("{} ticks", solver.ticks)},
       {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
@@ -279,8 +286,7 @@ std::vector<PageRow> PageFigures::Device() const {
          fmt::format("{} ms median, {} ms 99th percentile", ValueText(instrument.latency_ms.p50),
                      ValueText(instrument.latency_ms.p99))});
   }
-  rows.push_back(
-      {"Motion in doubt (sensor or commands missing)", Share(report_.course.solver().in_doubt)});
+  rows.push_back({"Motion in doubt (sensor or commands missing)", Share(report_.solver.in_doubt)});
   rows.push_back({"Missing from the recording", fmt::format("{} ticks", report_.states_missing)});
   return rows;
 }

@@ -147,6 +147,12 @@ std::string FormatReport(const SessionReport& report) {
     text += fmt::format("  {:<13}{} {}\n", i == 0 ? "readings" : "", Printable(name),
                         ReadingText(name, report.readings.values[i]));
   }
+  if (report.judged) {
+    text += "               from a replay of the commands at full accuracy\n";
+  }
+  if (!report.not_gradable.empty()) {
+    text += fmt::format("  marks        none, not gradable: {}\n", Printable(report.not_gradable));
+  }
   if (report.states_missing > 0 || report.undecodable > 0) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
                         report.states_missing, report.undecodable);
@@ -185,6 +191,8 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
   for (const InstrumentReport& instrument : report.instruments) {
     instruments.push_back(InstrumentJson(instrument));
   }
+  nlohmann::ordered_json not_gradable;
+  if (!report.not_gradable.empty()) not_gradable = report.not_gradable;
   const nlohmann::ordered_json json = {{"scene", report.scene},
                                        {"method", report.method},
                                        {"duration_s", report.duration_s},
@@ -205,6 +213,8 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"log_ended", report.ended},
                                        {"log_damage", report.damage.Describe()},
                                        {"readings", std::move(readings)},
+                                       {"judged", report.judged},
+                                       {"not_gradable", std::move(not_gradable)},
                                        {"picture", picture},
                                        {"page", page}};
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";

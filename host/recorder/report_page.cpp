@@ -212,7 +212,8 @@ class Page {
     const auto or_dash = [](const auto& value, const auto& format) {
       return value ? format(*value) : std::string("&#x2013;");
     };
-    const char* result = !session.target_reached    ? "not assessed"
+    const char* result = !session.gradable          ? "not gradable"
+                         : !session.target_reached  ? "not assessed"
                          : !*session.target_reached ? "&#x2717; not reached"
                          : !session.safe            ? "reached; safety not known"
                          : *session.safe            ? "&#x2713; safe"
@@ -240,6 +241,11 @@ class Page {
 
   void Methods() {
     out_ += "<section>\n<h2>Methods of measurement</h2>\n<ul class=\"small\">\n";
+    if (report_.judged) {
+      out_ +=
+          "<li>Measures and curves are those of a replay of the session's commands at full "
+          "accuracy. They do not depend on the load of the machine.</li>\n";
+    }
     out_ +=
         "<li>Forces and pressures are those of the simulation; they have not been compared with "
         "a patient's.";

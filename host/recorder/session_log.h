@@ -10,6 +10,7 @@
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/imaging_command_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
@@ -21,6 +22,7 @@ namespace torquer {
 struct SessionHandlers {
   std::function<void(const torquer_lcm::device_sample_t&)> sample;
   std::function<void(const torquer_lcm::instrument_command_t&)> command;
+  std::function<void(const torquer_lcm::imaging_command_t&)> imaging;
   std::function<void(const torquer_lcm::wire_state_t&)> state;
   std::function<void(const torquer_lcm::scene_description_t&)> scene;
   std::function<void(const torquer_lcm::readings_t&)> readings;

@@ -377,6 +377,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
       std::max<std::int64_t>(Difference(last_state_->tick, last_shape_->tick), 0);
   report.readings = readings_;
   report.course = course_;
+  report.solver = course_.solver();
   report.gaps = gaps_.Describe();
   report.silences = gaps_.DescribeSilences();
   return report;

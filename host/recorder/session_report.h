@@ -99,6 +99,12 @@ struct SessionReport {
   torquer_lcm::readings_t readings{};  ///< last readings; no names without an observer
 
   SessionCourse course;
+  SolverHealth solver;  ///< of the live session
+  /// True if `readings` and `course` are those of a replay at full accuracy, not of the live
+  /// session.
+  bool judged = false;
+  /// Reason why the session has no marks; "": it has, or the scene has nothing to judge.
+  std::string not_gradable;
 
   /// True if the scene names this effect, such as "fluoroscopy".
   bool Has(const std::string& effect) const;

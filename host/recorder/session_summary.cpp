@@ -14,7 +14,8 @@
 namespace torquer {
 namespace {
 
-constexpr int kSummaryVersion = 1;
+// Version 1 had the marks of the live session, which depended on the load of the machine.
+constexpr int kSummaryVersion = 2;
 constexpr char kEnding[] = ".session.json";
 constexpr int kMostEntries = 10'000;  // entries of a folder that are examined
 constexpr double kMostValue = 1e12;
@@ -144,6 +145,11 @@ SessionSummary Summarize(const SessionReport& report) {
   for (const InstrumentCourse& instrument : course.instruments()) {
     summary.reversals += instrument.reversals;
   }
+  summary.gradable = report.not_gradable.empty();
+  if (!summary.gradable) {
+    summary.target_reached = summary.safe = std::nullopt;
+    summary.target_s = summary.wall_force_mN = summary.tip_path_mm = std::nullopt;
+  }
   return summary;
 }
 
@@ -151,6 +157,7 @@ std::string FormatSummary(const SessionSummary& summary) {
   const nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
                                        {"scene", summary.scene},
                                        {"started_us", summary.started_us},
+                                       {"gradable", summary.gradable},
                                        {"procedure_s", summary.procedure_s},
                                        {"target_reached", OrNull(summary.target_reached)},
                                        {"safe", OrNull(summary.safe)},
@@ -170,6 +177,7 @@ SessionSummary ReadSummary(const std::string& path) {
   SessionSummary summary;
   summary.scene = fields.Text("scene");
   summary.started_us = fields.Count("started_us");
+  summary.gradable = fields.Truth("gradable").value_or(false);
   summary.procedure_s = fields.GivenNumber("procedure_s");
   summary.target_reached = fields.Truth("target_reached");
   summary.safe = fields.Truth("safe");

@@ -16,7 +16,9 @@ namespace torquer {
 struct SessionSummary {
   std::string scene;
   std::int64_t started_us = 0;  ///< wall clock, since 1970
-  double procedure_s = 0;       ///< from the assessment, otherwise from the first tick to the last
+  /// False: the session could not be repeated, so it has no marks.
+  bool gradable = true;
+  double procedure_s = 0;  ///< from the assessment, otherwise from the first tick to the last
   std::optional<bool> target_reached;
   std::optional<bool> safe;  ///< target reached, and no force above the limit
   std::optional<double> target_s;

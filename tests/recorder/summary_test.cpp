@@ -66,7 +66,7 @@ TEST_CASE("A damaged summary is refused with what is wrong") {
   refuses("[1]", "no JSON object");
   refuses(FormatSummary(Made(5)).substr(0, 60), "no JSON object");
   refuses("{}", "session_summary is missing");
-  refuses(with("session_summary", 2), "another version");
+  refuses(with("session_summary", 3), "another version");
   refuses(with("scene", 3), "scene is no text");
   refuses(with("started_us", -1), "started_us is no count");
   refuses(with("procedure_s", nullptr), "procedure_s is missing");

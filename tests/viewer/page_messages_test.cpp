@@ -259,7 +259,7 @@ TEST_CASE("Centerlines, route and target are given point by point") {
   const Centerline first("a\nb", {{0, 0, 0}, {10, 0, 0.126}}, {2, 2});
   const Centerline second("c", {{10, 0, 0}, {10, 5, 0}}, {1, 1});
   const torquer::vessel::CenterlineNetwork network({first, second});
-  const torquer::effects::AssessmentTask task{second, 4, 120, 2};
+  const torquer::effects::AssessmentTask task{second, network, {1, 5}, 4, 120, 2};
   const auto text = nlohmann::json::parse(LinesText(network, &task, 0xabc, {}));
   CHECK(text.at("kind") == "lines");
   CHECK(text.at("hash") == "0000000000000abc");

@@ -13,17 +13,23 @@
 namespace torquer::test {
 namespace {
 
-// A tip that the test positions, on a route of 100 mm along +x with radius 4 mm.
+// A tip that the test positions, on a route of 100 mm along +x with radius 4 mm. The vessel of the
+// target runs on for 60 mm; a branch leaves the route along +y at 50 mm.
 struct Trainee {
   explicit Trainee(const vessel::MovingField* vessel = nullptr) : moving(vessel) {
     report.converged = true;
   }
 
   const vessel::MovingField* moving;
+  vessel::CenterlineNetwork vessels{
+      {vessel::Centerline("trunk", {{0, 0, 0}, {50, 0, 0}, {160, 0, 0}}, {4, 4, 4}),
+       vessel::Centerline("branch", {{50, 0, 0}, {50, 60, 0}}, {3, 3})}};
   effects::WallForce force{{.threshold_mN = 100}};
   WireModel model = MakeWire({});
   effects::Assessment assessment{
       {.route = vessel::Centerline("route", {{0, 0, 0}, {50, 0, 0}, {100, 0, 0}}, {4, 4, 4}),
+       .vessels = vessels,
+       .target = {0, 100},
        .target_radius_mm = 3,
        .force_limit_mN = 50},
       force,
@@ -152,6 +158,33 @@ TEST_CASE("A detour into another vessel and back is counted once, with its path"
   CHECK(trainee["tip_path_mm"] == Approx(130).epsilon(0.02));
   CHECK(trainee["target_reached"] == 0);
   CHECK(trainee["target_reached_s"] == -1);
+}
+
+TEST_CASE(
+    "A wrong vessel counts from 5 mm of depth, and once until the tip is on the route again") {
+  Trainee trainee;
+  trainee.Go({50, 0, 0}, 50, 5);
+  // The branch leaves the lumen of the route 4 mm from its middle.
+  trainee.Go({50, 8.5, 0}, 58.5, 2);
+  CHECK(trainee["wrong_vessel_entries"] == 0);
+  for (int k = 0; k < 5; ++k) {
+    trainee.Go({50, 5, 0}, 55, 0.5);
+    trainee.Go({50, 9.5, 0}, 59.5, 0.5);
+  }
+  CHECK(trainee["wrong_vessel_entries"] == 1);
+  trainee.Go({50, 2, 0}, 52, 1);
+  trainee.Go({50, 15, 0}, 65, 1);
+  CHECK(trainee["wrong_vessel_entries"] == 2);
+}
+
+TEST_CASE("A wide place of the route and the vessel beyond the target are no wrong vessels") {
+  Trainee trainee;
+  trainee.Go({20, 0, 0}, 20, 2);
+  trainee.Go({20, 11, 0}, 31, 1);  // 7 mm beyond the radius, but in no other vessel
+  trainee.Go({20, 0, 0}, 20, 1);
+  trainee.Go({130, 0, 0}, 130, 8);
+  CHECK(trainee["target_reached"] == 1);
+  CHECK(trainee["wrong_vessel_entries"] == 0);
 }
 
 TEST_CASE("Tremor is neither path nor retraction") {

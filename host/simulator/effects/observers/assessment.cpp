@@ -15,9 +15,9 @@ namespace {
 constexpr double kPathStepMm = 0.5;
 constexpr double kRetractionMm = 2;
 constexpr double kLookEveryS = 0.02;
-// Excess distance, mm: the tip is in another vessel if it is farther from the route than the
-// route's radius plus this.
-constexpr double kOffRouteMm = 2;
+// Depth in a branch from which the tip has entered it: at its mouth the tip may only touch the
+// wall.
+constexpr double kDeepMm = 5;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
@@ -115,17 +115,39 @@ void Assessment::FollowTip(const Eigen::Vector3d& tip) {
   }
   if (since_look_s_ < kLookEveryS) return;
   since_look_s_ = 0;
-  const vessel::Centerline::Nearest nearest = task_.route.NearestTo(tip);
-  const vessel::CenterlineSample at = task_.route.At(nearest.s_mm);
-  const double outside_mm = nearest.distance_mm - at.radius_mm;
-  if (!off_route_ && outside_mm > kOffRouteMm) {
+  if (OutsideRouteMm(tip) < 0) {
+    off_route_ = false;
+  } else if (!off_route_ && IsDeepInBranch(tip)) {
     off_route_ = true;
     ++wrong_vessels_;
-  } else if (off_route_ && outside_mm < 0) {
-    off_route_ = false;
   }
   const Eigen::Vector3d target = task_.route.At(task_.route.length_mm()).position_mm;
   if (!reached_s_ && (tip - target).norm() <= task_.target_radius_mm) reached_s_ = time_s_;
+}
+
+// Distance of a point from the lumen of the route, mm; negative in it.
+double Assessment::OutsideRouteMm(const Eigen::Vector3d& point) const {
+  const vessel::Centerline::Nearest nearest = task_.route.NearestTo(point);
+  return nearest.distance_mm - task_.route.At(nearest.s_mm).radius_mm;
+}
+
+// True if the vessel of the tip runs outside the route's lumen for kDeepMm on both sides of the
+// tip. The vessel of the target beyond the target is no branch.
+bool Assessment::IsDeepInBranch(const Eigen::Vector3d& tip) const {
+  constexpr double kStepMm = 0.5;
+  const vessel::CenterlinePlace place = task_.vessels.NearestTo(tip);
+  if (place.curve == task_.target.curve) {
+    const double onward =
+        task_.route.At(task_.route.length_mm()).tangent.dot(task_.vessels.At(task_.target).tangent);
+    if (onward * (place.s_mm - task_.target.s_mm) > 0) return false;
+  }
+  const vessel::Centerline& branch = task_.vessels.curves()[place.curve];
+  for (double away_mm = 0; away_mm <= kDeepMm; away_mm += kStepMm) {
+    for (const double s_mm : {place.s_mm - away_mm, place.s_mm + away_mm}) {
+      if (OutsideRouteMm(branch.At(s_mm).position_mm) < 0) return false;
+    }
+  }
+  return true;
 }
 
 // A force above the limit in a tick that did not converge leaves the safety unknown.
@@ -202,14 +224,16 @@ std::unique_ptr<Effect> MakeAssessment(const AssessmentSpec& spec, const EffectC
   const WireModel& assessed =
       context.stack == nullptr ? context.wire : context.stack->instrument(instrument);
   const vessel::CenterlineNetwork& network = *context.centerlines;
-  AssessmentTask task{[&] {
+  AssessmentTask task = [&] {
     try {
-      return network.Path(network.NearestTo(assessed.sheath().point_mm),
-                          network.Place(spec.target_centerline, spec.target_at_mm));
+      const vessel::CenterlinePlace target =
+          network.Place(spec.target_centerline, spec.target_at_mm);
+      return AssessmentTask{network.Path(network.NearestTo(assessed.sheath().point_mm), target),
+                            network, target};
     } catch (const UserError& error) {
       spec.origin.Refuse("target_centerline", error.what());
     }
-  }()};
+  }();
   task.target_radius_mm = spec.target_radius_mm;
   task.force_limit_mN = spec.force_limit_mN;
   task.instrument = instrument;

@@ -16,10 +16,13 @@ namespace torquer::effects {
 
 /// Criteria of a session.
 struct AssessmentTask {
-  vessel::Centerline route;     ///< from the instrument's entry to the target
-  double target_radius_mm = 3;  ///< reached within this distance of the route's end
-  double force_limit_mN = 0;    ///< of a single contact
-  int instrument = 0;           ///< the instrument whose hand and tip are assessed
+  vessel::Centerline route;  ///< from the instrument's entry to the target
+  /// All vessels, with those of the route; must outlive the assessment.
+  const vessel::CenterlineNetwork& vessels;
+  vessel::CenterlinePlace target;  ///< the route's end
+  double target_radius_mm = 3;     ///< reached within this distance of the route's end
+  double force_limit_mN = 0;       ///< of a single contact
+  int instrument = 0;              ///< the instrument whose hand and tip are assessed
 };
 
 /// Measures of a session. Hand and tip are those of one instrument, whichever reaches farthest. The
@@ -49,6 +52,8 @@ class Assessment final : public Effect, public Observer {
   double SafeSuccess() const;
   double WayToTargetMm(const Eigen::Vector3d& tip) const;
   void CountRetractions(double insertion_mm);
+  double OutsideRouteMm(const Eigen::Vector3d& point) const;
+  bool IsDeepInBranch(const Eigen::Vector3d& tip) const;
 
   const AssessmentTask task_;
   const WallForce& force_;

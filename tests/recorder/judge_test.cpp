@@ -1,0 +1,289 @@
+// Judge of a session: the marks follow from the commands, not from the load of the machine.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <lcm/lcm-cpp.hpp>
+#include <string>
+#include <vector>
+
+#include "host/recorder/report_output.h"
+#include "host/recorder/session_judge.h"
+#include "host/recorder/session_summary.h"
+#include "host/simulator/scene_message.h"
+#include "host/simulator/simulation.h"
+#include "protocol/lcm_channels.h"
+#include "tests/support/scenes.h"
+#include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/readings_t.hpp"
+
+using torquer::FindReading;
+using torquer::SessionJudgment;
+using torquer::test::SceneFile;
+
+namespace {
+
+constexpr char kJudgedTask[] =
+    "[effects.friction]\ncoefficient = 0.1\n"
+    "[effects.wall_force]\nthreshold_mN = 2\n"
+    "[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 140\n"
+    "target_radius_mm = 5\nforce_limit_mN = 500\n";
+constexpr std::int64_t kJudgedClock = 4711;
+constexpr std::int64_t kSimulatorBeganUs = 90'000'123;
+constexpr std::int64_t kCommandEveryUs = 10'000;
+constexpr int kCommandCount = 80;
+
+// Machine that runs a session: `busy` ticks rarely, with little work, and publishes late.
+struct Machine {
+  bool busy = false;
+  /// May change a command on its way to the log, or drop it by returning false.
+  std::function<bool(torquer_lcm::instrument_command_t&)> spoil = [](auto&) { return true; };
+  std::int64_t refused_senders = 0;
+  std::int64_t first_tick_sequence = -1;  // newest command that the first state shows
+  bool restarts = false;                  // the simulator counts its ticks from 0 again
+};
+
+class JudgedLog {
+ public:
+  explicit JudgedLog(const std::string& path) : log_(path, "w") {}
+
+  template <class Message>
+  void Write(const char* channel, const Message& message) {
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    lcm::LogEvent event{};
+    event.timestamp = 1'700'000'000'000'000;
+    event.channel = channel;
+    event.data = bytes.data();
+    event.datalen = static_cast<int>(bytes.size());
+    log_.writeEvent(&event);
+  }
+
+ private:
+  lcm::LogFile log_;
+};
+
+// Command number `i`, published kCommandEveryUs after the one before: 20 mm in with half a turn,
+// then a rest; X-ray from command 20 to 59.
+torquer_lcm::instrument_command_t HandAt(int i) {
+  torquer_lcm::instrument_command_t command{};
+  command.instrument = "guidewire";
+  command.sequence = i;
+  command.clock_id = kJudgedClock;
+  command.publish_us = kSimulatorBeganUs + kCommandEveryUs * (i + 1);
+  command.origin_us = command.publish_us - 500;
+  command.insertion_mm = 20 * std::min(1.0, i / 40.0);
+  command.rotation_rad = 3 * std::min(1.0, i / 40.0);
+  command.xray = i >= 20 && i < 60;
+  return command;
+}
+
+void PublishJudged(torquer::simulator::Simulation& simulation, const Machine& machine, int i,
+                   std::int64_t began_us, JudgedLog& log) {
+  torquer_lcm::wire_state_t state{};
+  simulation.Describe(state);
+  state.clock_id = kJudgedClock;
+  state.solve_us = machine.busy ? 9000 : 300;
+  // The first state comes in time on both machines, the later ones of the busy machine late. No
+  // state comes at once.
+  state.publish_us = began_us + static_cast<std::int64_t>(1e6 * state.time_s + state.solve_us) +
+                     (machine.busy && i >= 0 ? 7000 : 20);
+  if (state.tick == 0) state.solve_us = 0;
+  if (state.tick == 0) state.publish_us = began_us + (machine.busy ? 700 : 5);
+  state.instruments[0].command_sequence = i < 0 ? machine.first_tick_sequence : i;
+  log.Write(torquer::protocol::kWireStateChannel, state);
+  torquer_lcm::readings_t readings{};
+  for (const torquer::effects::Reading& reading : simulation.Readings()) {
+    readings.names.push_back(reading.name);
+    readings.values.push_back(reading.value);
+  }
+  readings.count = static_cast<std::int32_t>(readings.names.size());
+  readings.publish_us = state.publish_us;
+  log.Write(torquer::protocol::kReadingsChannel, readings);
+}
+
+// Records a session; returns a reading of the live simulator at its end.
+double RecordJudged(const SceneFile& file, const Machine& machine, const std::string& reading) {
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::Simulation simulation(scene);
+  JudgedLog log(file.Beside("log"));
+  log.Write(torquer::protocol::kSceneChannel, torquer::simulator::Describe(scene));
+  PublishJudged(simulation, machine, -1, kSimulatorBeganUs, log);
+  const torquer::InstrumentPose start = scene.start()[0];
+  for (int i = 0; i < kCommandCount; ++i) {
+    torquer_lcm::instrument_command_t command = HandAt(i);
+    torquer::simulator::Command live;
+    live.target = scene.start();
+    live.target[0] = {start.insertion_mm + command.insertion_mm, command.rotation_rad};
+    live.controls.xray = command.xray;
+    live.time_s = 1e-6 * static_cast<double>(command.publish_us - kSimulatorBeganUs + 500);
+    if (machine.spoil(command)) log.Write(torquer::protocol::kInstrumentCommandChannel, command);
+    if (machine.busy && i % 3 != 2) continue;
+    torquer::CountedBudget budget(machine.busy ? 1 : 5000);
+    simulation.Tick(live, budget);
+    PublishJudged(simulation, machine, i, kSimulatorBeganUs, log);
+  }
+  if (machine.restarts) {
+    simulation.Restart();
+    PublishJudged(simulation, machine, kCommandCount - 1, kSimulatorBeganUs + 2'000'000, log);
+  }
+  torquer_lcm::health_t health{};
+  health.process = "simulator";
+  health.state = "stopping";
+  health.publish_us = kSimulatorBeganUs + 1'500'000;
+  health.names = {"refused_senders"};
+  health.values = {machine.refused_senders};
+  health.count = 1;
+  log.Write(torquer::protocol::kHealthChannel, health);
+  for (const torquer::effects::Reading& one : simulation.Readings()) {
+    if (one.name == reading) return one.value;
+  }
+  return std::nan("");
+}
+
+SessionJudgment JudgeFile(const SceneFile& file) {
+  torquer::scene::Scene scene(file.path());
+  return torquer::JudgeSession(scene, file.Beside("log"));
+}
+
+std::string ReasonOf(const Machine& machine) {
+  const SceneFile file(kJudgedTask);
+  RecordJudged(file, machine, "");
+  const SessionJudgment judgment = JudgeFile(file);
+  CHECK(judgment.not_gradable.empty() == judgment.repeated());
+  return judgment.not_gradable;
+}
+
+}  // namespace
+
+TEST_CASE("The same commands on a busy and on an idle machine give the same marks") {
+  const SceneFile idle(kJudgedTask);
+  const SceneFile busy(kJudgedTask);
+  const double idle_s = RecordJudged(idle, {}, "wall_force_unconverged_s");
+  Machine machine;
+  machine.busy = true;
+  const double busy_s = RecordJudged(busy, machine, "wall_force_unconverged_s");
+  CHECK(idle_s == 0);
+  CHECK(busy_s > 0.3);  // the live readings of the busy machine are of no use
+
+  const SessionJudgment on_idle = JudgeFile(idle);
+  const SessionJudgment on_busy = JudgeFile(busy);
+  CHECK(on_idle.not_gradable.empty());
+  REQUIRE(on_idle.repeated());
+  CHECK(on_idle.readings.names == on_busy.readings.names);
+  for (std::size_t i = 0; i < on_idle.readings.values.size(); ++i) {
+    INFO(on_idle.readings.names[i]);
+    const double one = on_idle.readings.values[i];
+    const double other = on_busy.readings.values[i];
+    CHECK((one == other || (std::isnan(one) && std::isnan(other))));
+  }
+  CHECK(FindReading(on_busy.readings, "wall_force_unconverged_s") == 0);
+  CHECK(*FindReading(on_busy.readings, "wall_force_largest_ever_mN") > 0);
+  CHECK(on_idle.course.tip_path_mm() == on_busy.course.tip_path_mm());
+  CHECK(on_idle.course.tip_path_mm() > 10);
+}
+
+TEST_CASE("A replay has the hands, the pedals and the length of the session") {
+  const SceneFile file(kJudgedTask);
+  RecordJudged(file, {}, "");
+  const SessionJudgment judgment = JudgeFile(file);
+  REQUIRE(judgment.course.instruments().size() == 1);
+  CHECK(judgment.course.instruments()[0].insertion_mm.last().value == Approx(140));
+  CHECK(judgment.course.instruments()[0].rotation_deg.last().value == Approx(171.887));
+  CHECK(*FindReading(judgment.readings, "fluoroscopy_s") == Approx(0.4).margin(0.01));
+  CHECK(judgment.course.xray().total_s() == Approx(0.4).margin(0.01));
+  CHECK(*FindReading(judgment.readings, "procedure_s") == Approx(1.5).margin(0.01));
+  CHECK(FindReading(judgment.readings, "target_reached") == 1);
+}
+
+TEST_CASE("Pedals of a sender that falls silent are up in a replay, as they are live") {
+  const SceneFile file(kJudgedTask);
+  Machine machine;
+  // After command 29 nothing comes: the pedal has been down since command 20.
+  machine.spoil = [](const auto& command) { return command.sequence < 30; };
+  RecordJudged(file, machine, "");
+  const SessionJudgment judgment = JudgeFile(file);
+  CHECK(judgment.not_gradable.empty());
+  CHECK(*FindReading(judgment.readings, "fluoroscopy_s") == Approx(0.39).margin(0.025));
+}
+
+TEST_CASE("A session is not gradable if its commands do not decide the marks") {
+  Machine gap;
+  gap.spoil = [](const auto& command) { return command.sequence != 30; };
+  CHECK_THAT(ReasonOf(gap), Catch::Contains("lacks 1 of the commands"));
+
+  Machine clock;
+  clock.spoil = [](auto& command) { return command.clock_id = kJudgedClock + 1, true; };
+  CHECK_THAT(ReasonOf(clock), Catch::Contains("another clock"));
+
+  Machine refused;
+  refused.refused_senders = 3;
+  CHECK_THAT(ReasonOf(refused), Catch::Contains("second sender"));
+
+  Machine late;
+  late.first_tick_sequence = 400;
+  CHECK_THAT(ReasonOf(late), Catch::Contains("after the first commands"));
+
+  Machine restarts;
+  restarts.restarts = true;
+  CHECK_THAT(ReasonOf(restarts), Catch::Contains("restarted"));
+
+  Machine time;
+  time.spoil = [](auto& command) {
+    if (command.sequence == 50) command.publish_us = 0;
+    return true;
+  };
+  CHECK_THAT(ReasonOf(time), Catch::Contains("impossible time"));
+}
+
+TEST_CASE("A session of another scene and a damaged one are not gradable") {
+  const SceneFile file(kJudgedTask);
+  RecordJudged(file, {}, "");
+  const SceneFile other(std::string(kJudgedTask) + "[relaxation]\nbudget_us = 600\n");
+  std::filesystem::copy(file.Beside("log"), other.Beside("log"));
+  CHECK_THAT(JudgeFile(other).not_gradable, Catch::Contains("other contents of the scene"));
+
+  std::fstream log(file.Beside("log"), std::ios::in | std::ios::out | std::ios::binary);
+  log.seekp(static_cast<std::streamoff>(std::filesystem::file_size(file.Beside("log")) / 2));
+  log << std::string(4000, '\0');
+  log.close();
+  CHECK_THAT(JudgeFile(file).not_gradable, Catch::Contains("damaged"));
+}
+
+TEST_CASE("A scene without observers has nothing to judge") {
+  const SceneFile file;
+  RecordJudged(file, {}, "");
+  const SessionJudgment judgment = JudgeFile(file);
+  CHECK(judgment.not_gradable.empty());
+  CHECK_FALSE(judgment.repeated());
+}
+
+TEST_CASE("A report has the marks of the replay, or none with the reason") {
+  torquer::SessionReport report;
+  report.readings.names = {"target_reached", "safe_success", "wall_force_largest_ever_mN"};
+  report.readings.values = {1, 1, 12};
+  SessionJudgment judgment;
+  judgment.readings.names = report.readings.names;
+  judgment.readings.values = {1, 0, 700};
+  torquer::SessionReport judged = report;
+  ApplyJudgment(judgment, judged);
+  CHECK(judged.judged);
+  CHECK(torquer::Summarize(judged).safe == false);
+  CHECK(torquer::Summarize(judged).wall_force_mN == 700);
+  CHECK_THAT(torquer::FormatReportJson(judged, "", ""),
+             Catch::Contains("\"judged\":true,\"not_gradable\":null"));
+
+  ApplyJudgment({.not_gradable = "the recording is damaged", .course = {}}, report);
+  const torquer::SessionSummary none = torquer::Summarize(report);
+  CHECK_FALSE(none.gradable);
+  CHECK_FALSE(none.target_reached.has_value());
+  CHECK_FALSE(none.safe.has_value());
+  CHECK_FALSE(none.wall_force_mN.has_value());
+  CHECK_THAT(torquer::FormatReport(report),
+             Catch::Contains("none, not gradable: the recording is damaged"));
+  CHECK_THAT(torquer::FormatReportJson(report, "", ""),
+             Catch::Contains("\"not_gradable\":\"the recording is damaged\""));
+}
