@@ -88,7 +88,8 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
   FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
   FIELD(uint16_t, cpi,               "100 .. 12000, a multiple of 100")                            \
   FIELD(uint16_t, joystick_deadzone, "0 .. 511, counts around the stick's rest reported as 512")    \
-  FIELD_ARRAY(uint8_t, spare, 10,    "0")
+  FIELD(uint8_t,  closed_at_rest,    "Button bits of the contacts that are closed at rest")        \
+  FIELD_ARRAY(uint8_t, spare, 9,     "0")
 
 #define TORQUER_DIAGNOSTICS_REPORT(FIELD)                                                          \
   FIELD(uint8_t,  report_id,         "4")                                                          \

@@ -25,17 +25,34 @@ constexpr uint8_t kPacketBytes = protocol::kControlPacketBytes;
 constexpr uint8_t kPacket32 = _BV(EPSIZE1);  // endpoint size code
 static_assert(kPacketBytes == 32, "kPacket32");
 
-// bRequest, with bmRequestType in the high byte.
-enum Request : uint16_t {
-  kGetStatus = 0x8000,
-  kSetAddress = 0x0005,
-  kGetDeviceDescriptor = 0x8006,
-  kGetInterfaceDescriptor = 0x8106,
-  kSetConfiguration = 0x0009,
-  kGetReport = 0xa101,
-  kSetReport = 0x2109,
-  kSetIdle = 0x210a,
+// bRequest, with direction and type of bmRequestType above it: those of chapter 9 of USB 2.0, but
+// SET_DESCRIPTOR, which is optional, and SYNCH_FRAME, which only isochronous endpoints have; then
+// those of HID.
+enum Request : uint8_t {
+  kGetStatus = 0x80,
+  kClearFeature = 0x01,
+  kSetFeature = 0x03,
+  kSetAddress = 0x05,
+  kGetDescriptor = 0x86,
+  kGetConfiguration = 0x88,
+  kSetConfiguration = 0x09,
+  kGetInterface = 0x8a,
+  kSetInterface = 0x0b,
+  kGetReport = 0xa1,
+  kSetReport = 0x29,
+  kSetIdle = 0x2a,
 };
+constexpr uint8_t kMostRequest = 0x0b;
+constexpr uint8_t kDirectionAndType = 0xe0;
+constexpr uint8_t kRecipient = 0x1f;
+constexpr uint8_t kEndpointRecipient = 2;
+constexpr uint16_t kEndpointHalt = 0;
+constexpr uint8_t kInputEndpointAddress = 0x80 | protocol::kInputEndpoint;
+constexpr uint8_t kToHost = 0x80;
+// Bits of UECONX that end a halt; the data toggle then begins with DATA0.
+constexpr uint8_t kFreed = _BV(STALLRQC) | _BV(RSTDT);
+static_assert(_BV(EPEN) == 1, "configuration 1 enables the endpoint, 0 disables it");
+
 constexpr uint16_t FeatureReport(uint8_t id) { return static_cast<uint16_t>(0x0300 | id); }
 
 // clang-format off
@@ -131,6 +148,7 @@ void UsbServer::Run() {
   while (!restart_wanted_) {
     if (UDINT & _BV(EORSTI)) {
       UDINT = 0;
+      configuration_ = 0;
       UENUM = 0;
       UECONX = _BV(EPEN);
       UECFG0X = 0;
@@ -148,37 +166,68 @@ void UsbServer::Run() {
 
 // False if the request must be stalled. A request that the host has abandoned needs no answer.
 bool UsbServer::Serve() {
-  switch (setup_.type << 8 | setup_.request) {
-    case kGetDeviceDescriptor:
-    case kGetInterfaceDescriptor:
+  if (setup_.request > kMostRequest) return false;
+  const uint8_t request = (setup_.type & kDirectionAndType) | setup_.request;
+  uint8_t value = 0;
+  switch (request) {
+    case kGetDescriptor:
       return SendDescriptor();
-    case kGetStatus:
-      memset(report_.bytes, 0, 2);
-      Send(report_.bytes, 2, false);
-      return true;
+    case kGetReport:
+      return SendReport();
+    case kSetReport:
+      return TakeReport();
     case kSetAddress:
       UDADDR = setup_.value & 0x7f;
       Acknowledge();
       UDADDR |= _BV(ADDEN);
       return true;
+    case kGetStatus:
+    case kClearFeature:
+    case kSetFeature:
+      if ((setup_.type & kRecipient) != kEndpointRecipient) {
+        if (request != kGetStatus) return false;  // the device has no feature
+        break;
+      }
+      if (setup_.value != kEndpointHalt) return false;
+      if (setup_.index == kInputEndpointAddress && configuration_ != 0) {
+        UENUM = protocol::kInputEndpoint;
+        if (request == kSetFeature) UECONX = _BV(STALLRQ) | _BV(EPEN);
+        if (request == kClearFeature) UECONX = kFreed | _BV(EPEN);
+        if (UECONX & _BV(STALLRQ)) value = 1;
+      } else if (setup_.index & 0x7f) {  // endpoint 0 is never halted for long
+        return false;
+      }
+      break;
+    case kGetConfiguration:
+      value = configuration_;
+      break;
     case kSetConfiguration:
+      if (setup_.value > 1) return false;
+      configuration_ = static_cast<uint8_t>(setup_.value);
       UENUM = protocol::kInputEndpoint;
       UECONX = _BV(EPEN);
       UECFG0X = _BV(EPTYPE1) | _BV(EPTYPE0) | _BV(EPDIR);  // interrupt, IN
       UECFG1X = _BV(ALLOC);                                // 8 bytes, one bank
-      UENUM = 0;
-      Acknowledge();
-      return true;
+      UECONX = static_cast<uint8_t>(kFreed | configuration_);
+      break;
+    case kGetInterface:
+    case kSetInterface:
+      if (configuration_ == 0 || setup_.value != 0) return false;
+      break;
     case kSetIdle:
-      Acknowledge();
-      return true;
-    case kGetReport:
-      return SendReport();
-    case kSetReport:
-      return TakeReport();
+      break;
     default:
       return false;
   }
+  UENUM = 0;
+  if (setup_.type & kToHost) {  // a number of one or two bytes
+    report_.bytes[0] = value;
+    report_.bytes[1] = 0;
+    Send(report_.bytes, 2, false);
+  } else {
+    Acknowledge();
+  }
+  return true;
 }
 
 bool UsbServer::SendDescriptor() {

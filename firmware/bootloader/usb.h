@@ -36,6 +36,7 @@ class UsbServer {
 
   Setup setup_;
   uint16_t selected_page_ = 0;
+  uint8_t configuration_ = 0;
   bool application_valid_;
   bool trailer_erased_ = false;
   bool restart_wanted_ = false;

@@ -88,16 +88,21 @@ void BenchFirmware::FollowBus() {
 void BenchFirmware::Doze() {
   sensor_.Maintain();
   const uint8_t held_before = buttons_.held();
-  const uint8_t held = buttons_.Update(board::ReadButtons(), Buttons::kStableReadingsSuspended);
+  const uint8_t held = buttons_.Update(ReadContacts(), Buttons::kStableReadingsSuspended);
   const uint8_t pressed = static_cast<uint8_t>(held & ~held_before & kButtonMask);
   if (pressed != 0 && usb_.may_wake_host()) board::WakeHost();
+}
+
+// A contact that is closed at rest is pressed while it is open.
+uint8_t BenchFirmware::ReadContacts() const {
+  return board::ReadButtons() ^ settings_.closed_at_rest();
 }
 
 void BenchFirmware::Frame() {
   const uint32_t sampled_us = board::NowUs();
   sensor_.BeginRead();
   joystick_.BeginFrame();
-  const uint8_t pins = board::ReadButtons();
+  const uint8_t pins = ReadContacts();
   const uint8_t held = buttons_.Update(pins);
   const MotionSample sample = sensor_.Read();
   joystick_.EndFrame();
@@ -170,6 +175,7 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
           *reinterpret_cast<protocol::ConfigurationReport*>(report);
       configuration.cpi = settings_.cpi();
       configuration.joystick_deadzone = settings_.deadzone();
+      configuration.closed_at_rest = settings_.closed_at_rest();
       return sizeof(configuration);
     }
     case protocol::kDiagnosticsReportId: {
@@ -200,7 +206,8 @@ bool BenchFirmware::SetFeatureReport(const uint8_t* report, uint8_t size) {
     const protocol::ConfigurationReport& configuration =
         *reinterpret_cast<const protocol::ConfigurationReport*>(report);
     return configuration.protocol_version == protocol::kProtocolVersion &&
-           settings_.Set(configuration.cpi, configuration.joystick_deadzone);
+           settings_.Set(configuration.cpi, configuration.joystick_deadzone,
+                         configuration.closed_at_rest);
   }
   if (report[0] == protocol::kCommandReportId) {
     if (size < sizeof(protocol::CommandReport)) return false;

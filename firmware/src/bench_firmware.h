@@ -31,6 +31,7 @@ class BenchFirmware final : public ReportHandler {
  private:
   void FollowBus();
   void ServeControl();
+  uint8_t ReadContacts() const;
   void Frame();
   void Stream();
   void Doze();

@@ -14,6 +14,7 @@ using pmw3360::kCaptureSecond;
 using pmw3360::kCaptureWait;
 using pmw3360::kConfig1;
 using pmw3360::kConfig2;
+using pmw3360::kConfig2Bits;
 using pmw3360::kDeltaYHigh;
 using pmw3360::kExpectedInverseId;
 using pmw3360::kExpectedProductId;
@@ -270,7 +271,7 @@ void Pmw3360::Observe() {
 bool Pmw3360::Passes(uint8_t check) {
   switch (check) {
     case kCheckRest:
-      return bus_.Read(kConfig2) == kNoRest;
+      return (bus_.Read(kConfig2) & kConfig2Bits) == kNoRest;
     case kCheckCpi:
       return bus_.Read(kConfig1) == static_cast<uint8_t>(cpi_ / 100 - 1);
     case kCheckIdentity:

@@ -142,7 +142,7 @@ void SensorService::TakePicture() {
   for (uint16_t i = 0; i < protocol::kPicturePixels; ++i) {
     picture_.pixels[i] = Pmw3360Bus::ExchangeInLongBurst(0);
   }
-  sensor_.bus().EndLongBurst(pmw3360::kAfterBurst);
+  sensor_.bus().EndLongBurst(pmw3360::kAfterPicture);
   sensor_.EndPicture();
   job_ = Job::kPictureTaken;
 }

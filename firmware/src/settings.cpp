@@ -4,6 +4,7 @@
 
 #include "firmware/board/board.h"
 #include "protocol/eeprom_layout.h"
+#include "protocol/hid_reports.h"
 
 namespace torquer {
 namespace firmware {
@@ -14,9 +15,18 @@ constexpr uint8_t kNoMarker = 0xff;
 constexpr uint16_t kMinCpi = 100;
 constexpr uint16_t kMaxCpi = 12000;
 constexpr uint16_t kMaxDeadzone = 511;
+constexpr uint8_t kContacts =
+    protocol::kButtonXray | protocol::kButtonContrast | protocol::kButtonClutch;
 
-bool InRange(uint16_t cpi, uint16_t deadzone) {
-  return cpi >= kMinCpi && cpi <= kMaxCpi && cpi % 100 == 0 && deadzone <= kMaxDeadzone;
+// Record::packed: the deadzone has 9 bits; the contacts follow in the second byte.
+constexpr uint8_t kContactsShift = 1;
+constexpr uint8_t ContactsIn(uint16_t packed) {
+  return static_cast<uint8_t>(static_cast<uint8_t>(packed >> 8) >> kContactsShift);
+}
+
+bool InRange(uint16_t cpi, uint16_t deadzone, uint8_t closed_at_rest) {
+  return cpi >= kMinCpi && cpi <= kMaxCpi && cpi % 100 == 0 && deadzone <= kMaxDeadzone &&
+         (closed_at_rest & ~kContacts) == 0;
 }
 
 }  // namespace
@@ -30,7 +40,7 @@ bool Settings::ReadCopy(uint8_t slot, Record* record, bool* blank) {
   }
   return record->marker == kMarker &&
          record->crc == protocol::Crc16(record, offsetof(Record, crc)) &&
-         InRange(record->cpi, record->deadzone);
+         InRange(record->cpi, record->packed & kMaxDeadzone, ContactsIn(record->packed));
 }
 
 void Settings::Load() {
@@ -45,21 +55,28 @@ void Settings::Load() {
   slot_ = (valid0 && (!valid1 || first_is_newer)) ? 0 : 1;
   record_ = copies[slot_];
   cpi_ = record_.cpi;
-  deadzone_ = record_.deadzone;
+  deadzone_ = record_.packed & kMaxDeadzone;
+  closed_at_rest_ = ContactsIn(record_.packed);
   writes_ = record_.writes;
 }
 
-bool Settings::Set(uint16_t cpi, uint16_t deadzone) {
-  if (!InRange(cpi, deadzone)) return false;
+bool Settings::Set(uint16_t cpi, uint16_t deadzone, uint8_t closed_at_rest) {
+  if (!InRange(cpi, deadzone, closed_at_rest)) return false;
   cpi_ = cpi;
   deadzone_ = deadzone;
+  closed_at_rest_ = closed_at_rest;
   return true;
+}
+
+uint16_t Settings::Packed() const {
+  const uint16_t contacts = static_cast<uint16_t>(closed_at_rest_ << kContactsShift);
+  return static_cast<uint16_t>(deadzone_ | contacts << 8);
 }
 
 bool Settings::kept() const {
   if (step_ != 0) return false;
-  return stored_ ? record_.cpi == cpi_ && record_.deadzone == deadzone_
-                 : cpi_ == kDefaultCpi && deadzone_ == kDefaultDeadzone;
+  return stored_ ? record_.cpi == cpi_ && record_.packed == Packed()
+                 : cpi_ == kDefaultCpi && Packed() == kDefaultDeadzone;
 }
 
 void Settings::BeginWrite() {
@@ -68,7 +85,7 @@ void Settings::BeginWrite() {
   ++record_.sequence;
   record_.marker = kMarker;
   record_.cpi = cpi_;
-  record_.deadzone = deadzone_;
+  record_.packed = Packed();
   record_.writes = writes_;
   record_.crc = protocol::Crc16(&record_, offsetof(Record, crc));
   step_ = 1;

@@ -17,7 +17,7 @@ class Settings {
 
   /// False, and nothing changed, if a value is out of its range (protocol::ConfigurationReport).
   /// True: the values hold from now on; Poll() writes them if they differ from those stored.
-  bool Set(uint16_t cpi, uint16_t deadzone);
+  bool Set(uint16_t cpi, uint16_t deadzone, uint8_t closed_at_rest);
 
   /// Writes at most one byte to the EEPROM, if it is ready. To be called once a frame. True if
   /// there was something to do.
@@ -29,6 +29,8 @@ class Settings {
 
   uint16_t cpi() const { return cpi_; }
   uint16_t deadzone() const { return deadzone_; }
+  /// protocol::Button bits of the contacts that are closed at rest.
+  uint8_t closed_at_rest() const { return closed_at_rest_; }
   /// Times the settings were written in this device's life; saturates.
   uint16_t writes() const { return writes_; }
   /// False if the EEPROM held something, but no valid copy.
@@ -41,11 +43,12 @@ class Settings {
     uint8_t marker;
     uint8_t sequence;  // the copy with the later one counts
     uint16_t cpi;
-    uint16_t deadzone;
+    uint16_t packed;  // deadzone; above it closed_at_rest, where earlier firmware wrote 0
     uint16_t writes;
     uint16_t crc;  // of the bytes before
   };
 
+  uint16_t Packed() const;
   static bool ReadCopy(uint8_t slot, Record* record, bool* blank);
   void BeginWrite();
 
@@ -53,6 +56,7 @@ class Settings {
   uint16_t cpi_ = kDefaultCpi;
   uint16_t deadzone_ = kDefaultDeadzone;
   uint16_t writes_ = 0;
+  uint8_t closed_at_rest_ = 0;
   uint8_t slot_ = 1;  // of record_
   uint8_t step_ =
       0;  // of a write: 0 none, 1 clear the marker, then the other bytes, then the marker

@@ -190,6 +190,11 @@ void Atmega32u4::RunUntil(double us) {
   hooks_->FollowWatchdogInterrupt(avr_);
 }
 
+std::uint32_t Atmega32u4::StepInstruction() {
+  RunUntil(now_us() + 1.5 / clock_mhz_);
+  return avr_->pc;
+}
+
 void Atmega32u4::UpdateUsbInterrupts() {
   const std::pair<avr_int_vector_t*, bool> requests[] = {
       {hooks_->usb_general, usb_.general_interrupt()},

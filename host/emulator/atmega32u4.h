@@ -122,6 +122,8 @@ class Atmega32u4 {
   /// The cell that is being written; -1 if none is.
   int EepromCellBeingWritten() const;
 
+  /// Executes one instruction; returns the byte address of the next one.
+  std::uint32_t StepInstruction();
   std::uint64_t cycles() const;
   /// Cycles in which the CPU was asleep.
   std::uint64_t sleep_cycles() const { return sleep_cycles_; }

@@ -139,7 +139,7 @@ void BenchDevice::ApplyHand() {
   const HandState hand = HandNow();
   std::size_t contact = 0;
   for (const ButtonWire& wire : kButtonWires) {
-    const bool held = hand.buttons & wire.button;
+    const bool held = (hand.buttons ^ options_.closed_at_rest) & wire.button;
     chip_->SetPin(wire.port, wire.bit, !contacts_[contact++].Conducts(held, now_us_));
   }
   const bool home =

@@ -33,6 +33,8 @@ struct BenchOptions {
   std::optional<double> reference_switch_mm;
   /// Longest bounce of buttons, pedal and end switch after a change.
   double contact_bounce_us = 0;
+  /// protocol::Button bits of the contacts that are closed at rest.
+  std::uint8_t closed_at_rest = 0;
   /// Duration of an erase or a write of a page of the flash.
   double page_operation_us = FlashMemory::kOperationUs;
   /// The EEPROM at the first power-on; empty: blank.

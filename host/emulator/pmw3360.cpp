@@ -32,6 +32,9 @@ constexpr std::uint8_t kReadOnly[] = {
     kProductId,      kRevisionId,   kSurfaceQuality, kRawDataSum, kMaximumRawData,
     kMinimumRawData, kShutterLower, kShutterUpper,   kSromId,     kInverseProductId};
 constexpr std::uint8_t kResetKey = 0x5a, kShutdownKey = 0xb6, kRestEnable = 0x20;
+// Reserved bits of Config2. The data sheet states no value of theirs after a write; here they read
+// as ones then.
+constexpr std::uint8_t kReservedConfig2 = 0xda;
 constexpr std::uint8_t kSromPrepare = 0x1d, kSromStart = 0x18;
 constexpr std::uint8_t kCaptureFirst = 0x83, kCaptureSecond = 0xc5;
 constexpr std::uint8_t kForeignId = 0x47;
@@ -40,8 +43,9 @@ constexpr std::uint8_t kSromRun = 0x40, kFrameBits = 0x3f;
 // Minimum times in us, by the names of the data sheet.
 constexpr double kSelectToClock = 0.120, kAddressToData = 160, kAddressToBurst = 35,
                  kClockToDeselectRead = 0.120, kClockToDeselectWrite = 35, kAfterWrite = 180,
-                 kAfterRead = 20, kBurstExit = 0.5, kLongBurstByte = 15, kStartUp = 50000,
-                 kSromPrepareWait = 10000, kCaptureWait = 20000, kCaptureAfterReset = 250000;
+                 kAfterRead = 20, kBurstExit = 0.5, kRawDataExit = 4, kLongBurstByte = 15,
+                 kStartUp = 50000, kSromPrepareWait = 10000, kCaptureWait = 20000,
+                 kCaptureAfterReset = 250000;
 constexpr double kMaxClockHz = 2e6;
 constexpr int kSromBytes = 4094;
 constexpr double kMillisecond_us = 1000;
@@ -131,8 +135,10 @@ void VirtualPmw3360::SetSelected(bool selected, double now_us) {
   if (selected == selected_) return;
   selected_ = selected;
   if (selected) {
-    if (last_access_ == Access::kBurst || last_access_ == Access::kRawData) {
+    if (last_access_ == Access::kBurst) {
       Require(now_us - deselect_us_, kBurstExit, "tBEXIT (NCS high after a burst)");
+    } else if (last_access_ == Access::kRawData) {
+      Require(now_us - deselect_us_, kRawDataExit, "tBEXIT (NCS high after raw data)");
     }
     select_us_ = now_us;
     byte_index_ = 0;
@@ -305,6 +311,7 @@ void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, dou
       configured_ = true;
       break;
     case kConfig2:
+      registers_[kConfig2] |= kReservedConfig2;
       navigation_.Advance(now_us, NavigationSettings(), blind());
       break;
     case kObservation:

@@ -2,8 +2,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
+#include <iterator>
+#include <sstream>
 #include <string>
+#include <utility>
 
 #include "host/support/error_output.h"
 #include "host/support/installed.h"
@@ -13,6 +18,7 @@
 #include "host/tools/flash_procedure.h"
 #include "host/tools/fuses.h"
 #include "host/tools/usb_boards.h"
+#include "protocol/hid_reports.h"
 
 namespace {
 
@@ -53,14 +59,42 @@ const char* GoodOr(bool good, const char* otherwise) { return good ? "good" : ot
 struct Arguments {
   FlashRequest request;
   std::string srom;
+  std::string closed_at_rest;
   std::string programmer;
 };
 
+// Button bits of the names in --closed-at-rest.
+std::uint8_t ContactsNamed(const std::string& names) {
+  using torquer::protocol::Button;
+  constexpr std::pair<const char*, Button> kContacts[] = {
+      {"xray", torquer::protocol::kButtonXray},
+      {"contrast", torquer::protocol::kButtonContrast},
+      {"clutch", torquer::protocol::kButtonClutch}};
+  std::uint8_t buttons = 0;
+  if (names == "none") return buttons;
+  std::stringstream stream(names);
+  for (std::string name; std::getline(stream, name, '+');) {
+    const auto* const found =
+        std::find_if(std::begin(kContacts), std::end(kContacts),
+                     [&name](const auto& contact) { return name == contact.first; });
+    if (found == std::end(kContacts)) {
+      throw torquer::UsageError(
+          fmt::format("--closed-at-rest {}: contact '{}' is unknown; give xray, contrast, clutch, "
+                      "several joined by +, or none",
+                      names, name));
+    }
+    buttons |= found->second;
+  }
+  return buttons;
+}
+
 int ShowFuses(const Arguments& arguments) {
   const FlashRequest& request = arguments.request;
-  if (!arguments.srom.empty() || !request.image.empty() || request.force) {
+  if (!arguments.srom.empty() || !arguments.closed_at_rest.empty() || !request.image.empty() ||
+      request.force) {
     throw torquer::UsageError(
-        "--fuses reads and changes nothing; leave out IMAGE.hex, --srom and --force");
+        "--fuses reads and changes nothing; leave out IMAGE.hex, --srom, --closed-at-rest and "
+        "--force");
   }
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   torquer::tools::AvrdudeOptions options;
@@ -74,15 +108,26 @@ int ShowFuses(const Arguments& arguments) {
   return verdict.good ? torquer::kExitSuccess : torquer::kExitFailure;
 }
 
+// Throws UsageError if an option that installs no firmware has company that is for installations.
+void CheckTogether(const Arguments& arguments) {
+  const FlashRequest& request = arguments.request;
+  const bool installs = !request.image.empty() || !request.port.empty() || request.force;
+  if (!arguments.srom.empty() && (installs || !arguments.closed_at_rest.empty())) {
+    throw torquer::UsageError(
+        "--srom loads an image into the sensor and installs no firmware; leave out IMAGE.hex, "
+        "--port, --force and --closed-at-rest");
+  }
+  if (!arguments.closed_at_rest.empty() && installs) {
+    throw torquer::UsageError(
+        "--closed-at-rest changes a setting and installs no firmware; leave out IMAGE.hex, --port "
+        "and --force");
+  }
+}
+
 int Run(Arguments& arguments) {
   if (!arguments.programmer.empty()) return ShowFuses(arguments);
   FlashRequest& request = arguments.request;
-  if (!arguments.srom.empty() &&
-      (!request.image.empty() || !request.port.empty() || request.force)) {
-    throw torquer::UsageError(
-        "--srom loads an image into the sensor and installs no firmware; leave out IMAGE.hex, "
-        "--port and --force");
-  }
+  CheckTogether(arguments);
   if (request.image.empty())
     request.image_folder = torquer::FindInstalled("share/torquer/firmware");
   const std::atomic<bool>& stop = torquer::StopOnSignal();
@@ -108,6 +153,11 @@ int Run(Arguments& arguments) {
   if (!arguments.srom.empty()) {
     const int id = procedure.LoadSensorImage(arguments.srom);
     if (id != 0) fmt::print("the sensor runs image {}\n", id);
+    return torquer::kExitSuccess;
+  }
+  if (!arguments.closed_at_rest.empty()) {
+    procedure.SetClosedAtRest(ContactsNamed(arguments.closed_at_rest));
+    if (!request.dry_run) fmt::print("closed at rest: {}\n", arguments.closed_at_rest);
     return torquer::kExitSuccess;
   }
   const auto outcome = procedure.Run();
@@ -161,6 +211,9 @@ int main(int argc, char** argv) {
       "--srom", "FILE", arguments.srom,
       "load the sensor maker's image from this file into the sensor, and install no firmware",
       torquer::ValueKind::kFile);
+  options.Text("--closed-at-rest", "CONTACTS", arguments.closed_at_rest,
+               "contacts that are closed at rest, such as a sustain pedal: xray, contrast, clutch, "
+               "several joined by +, or none; the board keeps this, and no firmware is installed");
   options.Text("--fuses", "PROGRAMMER", arguments.programmer,
                "read and judge the chip's fuses through this ISP programmer (type for avrdude -c), "
                "and change nothing");

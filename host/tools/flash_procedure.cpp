@@ -13,6 +13,7 @@ namespace torquer::tools {
 namespace {
 
 using protocol::BootloaderStatusReport;
+using protocol::ConfigurationReport;
 using protocol::IdentityReport;
 using protocol::PageReport;
 
@@ -77,15 +78,46 @@ std::optional<FlashOutcome> FlashProcedure::Run() {
   return ReadSelfTest(found, image);
 }
 
-int FlashProcedure::LoadSensorImage(const std::string& path) {
-  const std::vector<std::uint8_t> image = device::ReadSromFile(path);
-  const FoundBoard found = search_.Find();
+// The board, which must run our firmware for `task`.
+FoundBoard FlashProcedure::FindFirmware(const std::string& task) {
+  FoundBoard found = search_.Find();
   hooks_.say("found: " + found.state);
   if (found.board.mode != BoardMode::kFirmware) {
-    throw UserError(
-        "the firmware loads the image into the sensor, and does not run on this board; run "
-        "torquer-flash without --srom first");
+    throw UserError("the firmware " + task +
+                    ", and does not run on this board; run torquer-flash without options first");
   }
+  return found;
+}
+
+void FlashProcedure::SetClosedAtRest(std::uint8_t buttons) {
+  const FoundBoard found = FindFirmware("inverts the contacts");
+  if (request_.dry_run) {
+    hooks_.say("would set the contacts that are closed at rest; nothing was done");
+    return;
+  }
+  try {
+    const auto link = boards_.Open(found.board);
+    auto configuration = Get<ConfigurationReport>(*link, protocol::kConfigurationReportId);
+    configuration.closed_at_rest = buttons;
+    Set(*link, configuration);
+    const auto kept = Get<ConfigurationReport>(*link, protocol::kConfigurationReportId);
+    if (kept.closed_at_rest == buttons) return;
+  } catch (const ReportRefused& refused) {
+    throw UserError(fmt::format("{}: the firmware refuses the setting ({}); run torquer-flash",
+                                found.serial, refused.what()));
+  } catch (const BoardLost& lost) {
+    throw UserError(
+        fmt::format("{}: the board was lost ({}); check the cable and run the same command again",
+                    Where(found.board), lost.what()));
+  }
+  throw UserError(found.serial +
+                  ": this firmware is too old to know contacts that are closed at rest. Nothing "
+                  "was changed; run torquer-flash without options first.");
+}
+
+int FlashProcedure::LoadSensorImage(const std::string& path) {
+  const std::vector<std::uint8_t> image = device::ReadSromFile(path);
+  const FoundBoard found = FindFirmware("loads the image into the sensor");
   if (request_.dry_run) {
     hooks_.say(fmt::format("would load {} into its sensor; nothing was done", path));
     return 0;

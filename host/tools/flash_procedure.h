@@ -3,6 +3,7 @@
 // in any state of the board.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -70,7 +71,13 @@ class FlashProcedure {
   /// and the remedy; the sensor then runs without an image.
   int LoadSensorImage(const std::string& path);
 
+  /// Sets the contacts that are closed at rest (protocol::Button bits), such as a sustain pedal.
+  /// The board keeps them; it must run our firmware. Changes nothing in a dry run. Throws UserError
+  /// with the board and the remedy.
+  void SetClosedAtRest(std::uint8_t buttons);
+
  private:
+  FoundBoard FindFirmware(const std::string& task);
   FlashImage LoadImage(const FoundBoard& found) const;
   void CheckFits(const FoundBoard& found, const FlashImage& image) const;
   Board EnterBootloader(const FoundBoard& found);

@@ -110,6 +110,46 @@ TEST_CASE("a pedal that bounces for 20 ms is pressed once and released once") {
   }
 }
 
+TEST_CASE("a pedal that is closed at rest is pressed while it is open") {
+  BenchOptions options;
+  options.closed_at_rest = protocol::kButtonXray;
+  Bench bench(options);
+  bool pressed = false;
+  bench.device.SetHand([&pressed](double) {
+    HandState hand;
+    hand.buttons = pressed ? protocol::kButtonXray | protocol::kButtonClutch : 0;
+    return hand;
+  });
+  bench.Start();
+  bench.Run(0.1);
+  CHECK(bench.last.buttons == protocol::kButtonXray);  // not set yet
+  protocol::ConfigurationReport configuration = torquer::test::ConfigurationOf(1200, 20);
+  configuration.closed_at_rest = protocol::kButtonXray;
+  REQUIRE(bench.Set(configuration) == TransferStatus::kDone);
+  bench.Run(0.3);
+  CHECK(bench.last.buttons == 0);
+
+  // Kept over a loss of power.
+  bench.device.PowerOff();
+  bench.Run(0.05);
+  bench.device.PowerOn();
+  bench.Start();
+  for (const bool press : {true, false, true, false}) {
+    pressed = press;
+    bench.Run(0.1);
+    CHECK(bench.last.buttons == (press ? protocol::kButtonXray | protocol::kButtonClutch : 0));
+  }
+  // The open contact wakes the host; the closed one, at rest, does not.
+  REQUIRE(bench.host.Control({0x00, 3, 1, 0, 0}).status == TransferStatus::kDone);
+  bench.host.Suspend();
+  bench.Run(0.3);
+  CHECK(bench.host.suspended());
+  pressed = true;
+  bench.Run(0.3);
+  CHECK_FALSE(bench.host.suspended());
+  bench.CheckRules();
+}
+
 TEST_CASE("the end switch marks the same place of the travel each time, whatever the count says") {
   BenchOptions options;
   options.reference_switch_mm = 2.0;

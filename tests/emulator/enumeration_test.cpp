@@ -1,4 +1,6 @@
 // USB enumeration of the firmware as a host sees it: descriptors, requests, refusals.
+#include <array>
+
 #include "firmware/src/usb_descriptors.h"
 #include "tests/support/emulated_bench.h"
 
@@ -91,6 +93,35 @@ TEST_CASE("the configuration is read back as written, and used") {
   CHECK(back.joystick_deadzone == 30);
   CHECK(bench.gaps == 0);
   bench.CheckRules();
+}
+
+TEST_CASE("a bus reset at any instruction of the check for one is not lost") {
+  const FirmwareImage image = Image16();
+  const std::uint32_t entry = image.Symbol("_ZN7torquer5board12TakeUsbResetEv");
+  for (int instructions = 0; instructions < 12; ++instructions) {
+    Bench bench({}, image);
+    bench.Start();
+    Atmega32u4& chip = bench.device.chip();
+    UsbController& usb = bench.device.usb();
+    usb.StartOfFrame(0x321);
+    chip.UpdateUsbInterrupts();
+    for (int i = 0; i < 20000 && chip.StepInstruction() != entry; ++i) {
+    }
+    for (int i = 0; i < instructions; ++i) chip.StepInstruction();
+    usb.BusReset();
+    chip.UpdateUsbInterrupts();
+    const double start_us = chip.now_us();
+    chip.RunUntil(start_us + 2000);
+    // GET_CONFIGURATION at address 0: the device has forgotten that it was configured.
+    REQUIRE(usb.Setup(0, std::array<std::uint8_t, 8>{0x80, 8, 0, 0, 0, 0, 1, 0}) ==
+            UsbAnswer::kAck);
+    chip.UpdateUsbInterrupts();
+    chip.RunUntil(start_us + 4000);
+    Bytes answer;
+    REQUIRE(usb.In(0, 0, &answer) == UsbAnswer::kAck);
+    CAPTURE(instructions);
+    CHECK(answer == Bytes{0});
+  }
 }
 
 TEST_CASE("requests that make no sense are stalled, and reports go on") {

@@ -337,6 +337,15 @@ TEST_CASE("each departure from the procedure for a picture is named") {
     speaker.RawData(1296);
     named = "a pause of";
   }
+  SECTION("too soon after it") {
+    ask();
+    speaker.now_us += 20000;
+    speaker.after_read_us = 3.9;
+    speaker.RawData(1296);
+    speaker.after_read_us = 20;
+    speaker.Write(kReset, 0x5a);
+    named = "tBEXIT (NCS high after raw data)";
+  }
   CHECK_THAT(speaker.Violation(), Catch::Contains(named));
 }
 

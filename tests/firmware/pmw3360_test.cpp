@@ -273,6 +273,15 @@ TEST_CASE("one that came back between two readings is found by what it has forgo
   }
 }
 
+TEST_CASE("reserved bits of a register do not make a fault") {
+  FakeSensor sensor;
+  Pmw3360 driver;
+  sensor.StartUp(&driver);
+  sensor.reg(0x10) = 0xda;  // bits 7:6, 4:3 and 1 of Config2
+  for (int i = 0; i < 200; ++i) CHECK_FALSE(sensor.Frame(&driver).fault);
+  CHECK(driver.restarts() == 0);
+}
+
 TEST_CASE("a sensor that shows a rest mode has lost its configuration") {
   FakeSensor sensor;
   Pmw3360 driver;

@@ -21,7 +21,7 @@ Settings Loaded() {
 
 void Store(std::uint16_t cpi, std::uint16_t deadzone) {
   Settings settings = Loaded();
-  REQUIRE(settings.Set(cpi, deadzone));
+  REQUIRE(settings.Set(cpi, deadzone, 0));
   Finish(&settings);
 }
 
@@ -44,6 +44,22 @@ TEST_CASE("settings survive a loss of power") {
   CHECK(settings.writes() == 1);
 }
 
+TEST_CASE("contacts that are closed at rest are kept, beside any dead zone") {
+  NewBoard();
+  for (std::uint8_t contacts = 0; contacts < 8; ++contacts) {
+    Settings settings = Loaded();
+    REQUIRE(settings.Set(1200, 511, contacts));
+    Finish(&settings);
+    const Settings again = Loaded();
+    CHECK(again.closed_at_rest() == contacts);
+    CHECK(again.deadzone() == 511);
+    CHECK(again.good());
+  }
+  Settings settings = Loaded();
+  CHECK_FALSE(settings.Set(1200, 0, 8));  // the end switch
+  CHECK(settings.closed_at_rest() == 7);
+}
+
 TEST_CASE("only a change is written") {
   NewBoard();
   Store(3200, 25);
@@ -56,20 +72,20 @@ TEST_CASE("only a change is written") {
 TEST_CASE("values out of range change nothing") {
   NewBoard();
   Settings settings = Loaded();
-  CHECK_FALSE(settings.Set(0, 0));
-  CHECK_FALSE(settings.Set(50, 0));
-  CHECK_FALSE(settings.Set(150, 0));
-  CHECK_FALSE(settings.Set(12100, 0));
-  CHECK_FALSE(settings.Set(1200, 512));
+  CHECK_FALSE(settings.Set(0, 0, 0));
+  CHECK_FALSE(settings.Set(50, 0, 0));
+  CHECK_FALSE(settings.Set(150, 0, 0));
+  CHECK_FALSE(settings.Set(12100, 0, 0));
+  CHECK_FALSE(settings.Set(1200, 512, 0));
   CHECK(settings.cpi() == Settings::kDefaultCpi);
-  CHECK(settings.Set(100, 0));
-  CHECK(settings.Set(12000, 511));
+  CHECK(settings.Set(100, 0, 0));
+  CHECK(settings.Set(12000, 511, 0));
 }
 
 TEST_CASE("a write waits while the EEPROM is busy, and writes a byte at a time") {
   NewBoard();
   Settings settings = Loaded();
-  REQUIRE(settings.Set(2000, 10));
+  REQUIRE(settings.Set(2000, 10, 0));
   board().eeprom_busy_polls = 3;
   for (int i = 0; i < 3; ++i) settings.Poll();
   CHECK(board().eeprom_writes == 0);
@@ -84,7 +100,7 @@ TEST_CASE("a copy is invalid from the first byte of its rewriting to the last") 
   Store(2000, 10);
   Store(2100, 11);
   Settings settings = Loaded();
-  REQUIRE(settings.Set(2200, 12));
+  REQUIRE(settings.Set(2200, 12, 0));
   const std::uint16_t marker = protocol::kEepromSettingsAddress[0];
   REQUIRE(board().eeprom[marker] != 0xff);
   int polls = 0;
@@ -99,9 +115,9 @@ TEST_CASE("a copy is invalid from the first byte of its rewriting to the last") 
 TEST_CASE("a value set during a write is stored after it") {
   NewBoard();
   Settings settings = Loaded();
-  REQUIRE(settings.Set(2000, 10));
+  REQUIRE(settings.Set(2000, 10, 0));
   for (int i = 0; i < 4; ++i) settings.Poll();
-  REQUIRE(settings.Set(2100, 11));
+  REQUIRE(settings.Set(2100, 11, 0));
   Finish(&settings);
   CHECK(Loaded().cpi() == 2100);
   CHECK(Loaded().deadzone() == 11);
@@ -142,7 +158,7 @@ TEST_CASE("a torn write at every byte leaves the old settings or the new ones") 
         board().tear = static_cast<FakeBoard::Tear>(trial % 3);
         board().tear_bits = static_cast<std::uint8_t>(random());
         Settings settings = Loaded();
-        REQUIRE(settings.Set(11900, 477));
+        REQUIRE(settings.Set(11900, 477, 0));
         completed = true;
         try {
           Finish(&settings);
@@ -177,7 +193,7 @@ TEST_CASE("random cuts in a row never lose both copies") {
     board().tear_bits = static_cast<std::uint8_t>(random());
     Settings settings = Loaded();
     REQUIRE(settings.cpi() == cpi);
-    REQUIRE(settings.Set(next, 3));
+    REQUIRE(settings.Set(next, 3, 0));
     try {
       for (int poll = 0; poll < 20; ++poll) settings.Poll();
     } catch (const PowerLost&) {  // no error: the settings must survive it
@@ -199,7 +215,7 @@ TEST_CASE("decayed copies are distinguished from a blank EEPROM") {
   Settings settings = Loaded();
   CHECK_FALSE(settings.good());
   CHECK(settings.cpi() == Settings::kDefaultCpi);
-  REQUIRE(settings.Set(1500, 9));
+  REQUIRE(settings.Set(1500, 9, 0));
   Finish(&settings);
   CHECK(settings.good());
   CHECK(Loaded().cpi() == 1500);

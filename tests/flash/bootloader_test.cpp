@@ -134,6 +134,79 @@ TEST_CASE("the bootloader starts a program according to the cause of the reset")
   boards.CheckRules();
 }
 
+TEST_CASE("a button held while the device is plugged in does not start the bootloader") {
+  for (const std::uint8_t held :
+       {protocol::kButtonXray, protocol::kButtonContrast, protocol::kButtonClutch}) {
+    EmulatedBoards boards(WithApplication());
+    boards.device.PowerOff();
+    boards.device.SetHand([held](double) {
+      torquer::emulator::HandState hand;
+      hand.buttons = held;
+      return hand;
+    });
+    CAPTURE(int{held});
+    CHECK(boards.Start() == BoardMode::kFirmware);
+    CHECK(FirmwareCommand(boards, protocol::kCommandReset) == TransferStatus::kDone);
+    boards.Sleep(50);
+    CHECK(boards.Mode() == BoardMode::kFirmware);
+  }
+}
+
+TEST_CASE("the bootloader answers the standard requests of USB 2.0, chapter 9") {
+  EmulatedBoards boards(WithApplication());
+  boards.Start();
+  REQUIRE(boards.ResetByPin() == BoardMode::kBootloader);
+  using Bytes = std::vector<std::uint8_t>;
+  const auto ask = [&](const SetupPacket& setup) { return boards.host.Control(setup); };
+  const auto answers = [&](const SetupPacket& setup, const Bytes& data) {
+    CAPTURE(int{setup.type}, int{setup.request}, setup.value, setup.index);
+    const ControlResult result = ask(setup);
+    CHECK(result.status == TransferStatus::kDone);
+    CHECK(result.data == data);
+  };
+  const auto stalls = [&](const SetupPacket& setup) {
+    CAPTURE(int{setup.type}, int{setup.request}, setup.value, setup.index);
+    CHECK(ask(setup).status == TransferStatus::kStall);
+  };
+  answers({0x80, 0, 0, 0, 2}, {0, 0});  // GET_STATUS: device, interface, endpoints
+  answers({0x81, 0, 0, 0, 2}, {0, 0});
+  answers({0x82, 0, 0, 0x00, 2}, {0, 0});
+  answers({0x82, 0, 0, 0x81, 2}, {0, 0});
+  stalls({0x82, 0, 0, 0x82, 2});
+  answers({0x02, 3, 0, 0x81, 0}, {});  // SET_FEATURE, CLEAR_FEATURE: ENDPOINT_HALT
+  answers({0x82, 0, 0, 0x81, 2}, {1, 0});
+  answers({0x02, 1, 0, 0x81, 0}, {});
+  answers({0x82, 0, 0, 0x81, 2}, {0, 0});
+  answers({0x02, 3, 0, 0x00, 0}, {});
+  answers({0x82, 0, 0, 0x00, 2}, {0, 0});
+  stalls({0x02, 3, 0, 0x02, 0});
+  stalls({0x02, 3, 1, 0x81, 0});     // no such feature
+  stalls({0x00, 3, 1, 0, 0});        // DEVICE_REMOTE_WAKEUP: it cannot
+  stalls({0x00, 3, 2, 0x100, 0});    // TEST_MODE is for high speed
+  answers({0x80, 8, 0, 0, 1}, {1});  // GET_CONFIGURATION, SET_CONFIGURATION
+  stalls({0x00, 9, 2, 0, 0});
+  answers({0x80, 8, 0, 0, 1}, {1});
+  answers({0x81, 10, 0, 0, 1}, {0});  // GET_INTERFACE, SET_INTERFACE
+  answers({0x01, 11, 0, 0, 0}, {});
+  stalls({0x01, 11, 1, 0, 0});
+  answers({0x00, 9, 0, 0, 0}, {});
+  answers({0x80, 8, 0, 0, 1}, {0});
+  stalls({0x81, 10, 0, 0, 1});
+  stalls({0x82, 0, 0, 0x81, 2});
+  answers({0x00, 9, 1, 0, 0}, {});
+  answers({0x82, 0, 0, 0x81, 2}, {0, 0});
+  stalls({0x80, 6, 0x0600, 0, 10});  // DEVICE_QUALIFIER is for high speed
+  stalls({0x00, 7, 0x0100, 0, 0});   // SET_DESCRIPTOR is optional
+  stalls({0x82, 12, 0, 0x81, 2});    // SYNCH_FRAME is for isochronous endpoints
+  stalls({0xc0, 0x55, 0, 0, 8});
+  // A bus reset ends the configuration.
+  boards.host.ResetPort();
+  REQUIRE(boards.host.RunUntilReady());
+  answers({0x80, 8, 0, 0, 1}, {1});
+  CHECK(Status(boards).application_valid == 1);
+  boards.CheckRules();
+}
+
 TEST_CASE("data that the firmware keeps over a reset passes through the bootloader") {
   // boot_id counts the resets since power-on, in memory that a reset preserves.
   EmulatedBoards boards(WithApplication());

@@ -64,7 +64,7 @@ TEST_CASE("an image for the sensor that cannot be loaded is refused with the rem
     EmulatedBoards boards(Bootloader());
     REQUIRE(boards.Start() == tools::BoardMode::kBootloader);
     CHECK_THAT(MessageOf<UserError>([&] { Load(boards, file.path); }),
-               Contains("run torquer-flash without --srom first"));
+               Contains("run torquer-flash without options first"));
   }
   SECTION("the sensor does not answer") {
     EmulatedBoards boards(WithApplication());
@@ -90,6 +90,36 @@ TEST_CASE("an image for the sensor that cannot be loaded is refused with the rem
     boards.Sleep(1);
     CHECK_THAT(MessageOf<UserError>([&] { Load(boards, file.path); }), Contains("no board found"));
   }
+}
+
+TEST_CASE("contacts that are closed at rest are set on the board, which keeps them") {
+  BenchOptions options;
+  options.closed_at_rest = protocol::kButtonXray;
+  EmulatedBoards boards(WithApplication(), options);
+  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);
+  const auto set = [&boards](std::uint8_t buttons, bool dry_run) {
+    FlashRequest request;
+    request.dry_run = dry_run;
+    FlashHooks hooks;
+    hooks.say = [&](const std::string& line) { boards.said += line + "\n"; };
+    FlashProcedure(boards, request, hooks).SetClosedAtRest(buttons);
+  };
+  const auto kept = [&boards] {
+    return boards.host.GetFeature(protocol::kConfigurationReportId).data.at(6);
+  };
+  set(protocol::kButtonXray, true);
+  CHECK_THAT(boards.said, Contains("nothing was done"));
+  CHECK(kept() == 0);
+  set(protocol::kButtonXray, false);
+  CHECK(kept() == protocol::kButtonXray);
+  boards.Sleep(200);
+  boards.device.PowerOff();
+  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);
+  CHECK(kept() == protocol::kButtonXray);
+  CHECK_THAT(MessageOf<UserError>([&] { set(8, false); }),
+             Contains("refuses the setting") && Contains("run torquer-flash"));
+  CHECK(kept() == protocol::kButtonXray);
+  boards.CheckRules();
 }
 
 }  // namespace

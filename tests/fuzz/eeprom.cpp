@@ -1,5 +1,6 @@
 // Fuzz target for the firmware with any EEPROM content. Settings must be in range and storable
 // again, and the serial number must have printable characters only.
+#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 
@@ -41,7 +42,7 @@ std::vector<Bytes> Seeds() {
   eeprom = Filled();
   firmware::Settings settings;
   settings.Load();
-  settings.Set(3200, 25);
+  settings.Set(3200, 25, 0);
   while (settings.Poll()) {
   }
   protocol::SerialRecord record{{'F', 'U', 'Z', 'Z', '-', '1'}, 0};
@@ -49,7 +50,7 @@ std::vector<Bytes> Seeds() {
   std::memcpy(&eeprom[kFirst], &record, sizeof record);
   const auto first = eeprom.begin() + static_cast<std::ptrdiff_t>(kFirst);
   Bytes once(first, first + 0x70);
-  settings.Set(1600, 30);
+  settings.Set(1600, 30, 0);
   while (settings.Poll()) {
   }
   return {once, Bytes(first, first + 0x70)};
@@ -64,7 +65,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
   settings.Load();
   const bool good = settings.good() && settings.kept();
   if (settings.cpi() < 100 || settings.cpi() > 12000 || settings.cpi() % 100 != 0 ||
-      settings.deadzone() > 511) {
+      settings.deadzone() > 511 || settings.closed_at_rest() > 7) {
     throw std::logic_error("settings out of their range");
   }
   char serial[firmware::kSerialBytes];
@@ -73,7 +74,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
   for (const char c : serial) {
     if (c != 0 && (c < ' ' || c > '~')) throw std::logic_error("a serial number not printable");
   }
-  settings.Set(2000, 40);
+  settings.Set(2000, 40, 0);
   for (int k = 0; k < 100; ++k) settings.Poll();
   firmware::Settings again;
   again.Load();

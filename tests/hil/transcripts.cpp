@@ -103,10 +103,11 @@ void KeepsItsConfiguration(Program& program) {
   CHECK(Configuration(program).joystick_deadzone == other.joystick_deadzone);
 
   const ConfigurationReport senseless[] = {
-      {other.report_id, std::uint8_t(other.protocol_version + 1), other.cpi, 37, {}},
-      {other.report_id, other.protocol_version, 0, 37, {}},
-      {other.report_id, other.protocol_version, 12100, 37, {}},
-      {other.report_id, other.protocol_version, other.cpi, 512, {}},
+      {other.report_id, std::uint8_t(other.protocol_version + 1), other.cpi, 37, 0, {}},
+      {other.report_id, other.protocol_version, 0, 37, 0, {}},
+      {other.report_id, other.protocol_version, 12100, 37, 0, {}},
+      {other.report_id, other.protocol_version, other.cpi, 512, 0, {}},
+      {other.report_id, other.protocol_version, other.cpi, 37, 8, {}},
   };
   for (const ConfigurationReport& report : senseless) {
     CHECK(program.Set(report) == LIBUSB_ERROR_PIPE);

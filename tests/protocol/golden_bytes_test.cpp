@@ -68,7 +68,8 @@ TEST_CASE("a configuration report has these 16 bytes") {
   report.protocol_version = kProtocolVersion;
   report.cpi = 12000;
   report.joystick_deadzone = 511;
-  CHECK(BytesOf(report) == Bytes{3, 1, 0xe0, 0x2e, 0xff, 0x01, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0});
+  report.closed_at_rest = kButtonXray | kButtonClutch;
+  CHECK(BytesOf(report) == Bytes{3, 1, 0xe0, 0x2e, 0xff, 0x01, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0});
 }
 
 TEST_CASE("a diagnostics report has these 32 bytes") {

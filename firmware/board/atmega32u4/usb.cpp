@@ -180,10 +180,12 @@ bool TakeFrameStart(uint32_t* start_us) {
   return started;
 }
 
+// Cleared only where it was seen set: a reset between a read and a write that always clears would
+// be lost. One that comes after the read is handled with the one before it.
 bool TakeUsbReset() {
-  const bool was_reset = bus_was_reset;
+  if (!bus_was_reset) return false;
   bus_was_reset = false;
-  return was_reset;
+  return true;
 }
 
 bool ControlPending() {
