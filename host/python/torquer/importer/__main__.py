@@ -128,7 +128,8 @@ def _check_options(arguments: argparse.Namespace) -> None:
         raise Error("give --seed for a CT angiography, or --label for a label map, and not both")
 
 
-def _import(arguments: argparse.Namespace) -> str:
+def import_case(arguments: argparse.Namespace) -> str:
+    """Makes a case by the arguments of the command; returns a description. Raises Error."""
     out = pathlib.Path(arguments.out)
     if os.path.lexists(out):
         raise Error(f"--out {out}: exists already; remove it, or give another name")
@@ -152,7 +153,8 @@ def _import(arguments: argparse.Namespace) -> str:
             shutil.rmtree(temporary, ignore_errors=True)
 
 
-def main() -> int:
+def arguments_of(words: Optional[List[str]] = None) -> argparse.Namespace:
+    """Arguments of the command; by default those of this process."""
     parser = argparse.ArgumentParser(
         prog="torquer-import",
         description="Makes a case from a patient's CT angiography, from a label map of the vessels, or from their surface: "
@@ -175,11 +177,15 @@ def main() -> int:
     parser.add_argument("--centerlines", metavar="FILE", help="centerlines of VMTK (.vtp) in the unit and the space of a surface")
     parser.add_argument("--root", metavar="L,P,S", help="the blood enters at the tip nearest to this place (default: the widest)")
     parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
-    arguments = parser.parse_args()
+    return parser.parse_args(words)
+
+
+def main() -> int:
+    arguments = arguments_of()
     # Ends as Ctrl-C does, so that no unfinished folder stays.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        said = _import(arguments)
+        said = import_case(arguments)
     except Error as error:
         print(f"torquer-import: {error}", file=sys.stderr)
         return 2

@@ -16,7 +16,8 @@ from .surface import Mesh
 _BEHIND_RADII = 2.5
 # The least lumen that a wire enters, in its radii.
 _ROOM = 2.0
-_ANTERIOR, _LEFT = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+ANTERIOR, LEFT = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+"""Directions of the patient, in LPS."""
 # The aorta's mean flow, mL/s, in a root of this radius, mm, and Murray's cube for others.
 _AORTA_ML_S, _AORTA_MM = 80.0, 12.0
 _TIP_MM, _TIP_DEG = 15.0, 45.0
@@ -57,15 +58,17 @@ def first_entry(entries: List[Entry]) -> Entry:
     return min(wide, key=lambda entry: float(entry.point_mm[2])) if wide else entries[0]
 
 
-def bend_of_tip(direction: Any) -> Tuple[float, float]:
+def bend_of_tip(direction: Any, anterior: Any = ANTERIOR, left: Any = LEFT) -> Tuple[float, float]:
     """Rest curvatures, 1/mm, by which the tip points to the patient's front at a rotation of 0.
+
+    anterior, left: the patient's directions in the frame of the vessel's file.
 
     The simulator's first normal is the file's axis that is most across the direction. It jumps
     between axes as the direction changes, so it is no zero for a rotation.
     """
     axis = np.eye(3)[int(np.abs(direction).argmin())]
     first = unit(axis - axis @ direction * direction)
-    front = _ANTERIOR if abs(_ANTERIOR @ direction) < 0.9 else _LEFT
+    front = anterior if abs(anterior @ direction) < 0.9 else left
     across = unit(front - front @ direction * direction)
     size = np.radians(_TIP_DEG) / _TIP_MM
     return float(size * (across @ first)), float(size * (across @ np.cross(direction, first)))
@@ -84,11 +87,31 @@ def _target(curves: List[Curve], entry: Entry) -> Optional[Tuple[Curve, float]]:
     return longest, 0.75 * float(longest.lengths_mm()[-1])
 
 
+def is_thick(entry: Entry) -> bool:
+    """True if a 0.035-inch wire fits an entry."""
+    return entry.radius_mm > _ROOM * 0.4445 * 1.5
+
+
+def wire_text(thick: bool, direction: Any, length_mm: float, anterior: Any = ANTERIOR, left: Any = LEFT) -> str:
+    """Table of the wire, which enters in a direction of the vessel's file."""
+    radius, rigidity = (0.4445, "1, 1, 1, 100, 300") if thick else (0.178, "0.2, 0.2, 0.2, 3, 30")
+    one, two = bend_of_tip(direction, anterior, left)
+    return f"""# {'A 0.035-inch' if thick else 'A 0.014-inch'} wire, which fits the entry. Rigidity: as in the scene {'neuro_arch' if thick else 'coronary'}.
+[[instrument]]
+name = "guidewire"
+# All centerlines together, at most 1800 mm.
+max_length_mm = {min(1800, max(50, round(length_mm)))}
+radius_mm = {radius}
+from_tip_mm = [0, {_TIP_MM:g}, {_TIP_MM:g}, 80, 150]
+rigidity_N_mm2 = [{rigidity}]
+# A tip of {_TIP_MM:g} mm, bent by {_TIP_DEG:g} degrees; at a rotation of 0 it points to the patient's front.
+curvature_1_per_mm = [{one:.6f}, {one:.6f}, 0, 0, 0]
+curvature_2_per_mm = [{two:.6f}, {two:.6f}, 0, 0, 0]
+"""
+
+
 def scene_text(name: str, origin: str, curves: List[Curve], entry: Entry) -> str:
     """The scene as TOML, in which each number has its origin as a comment."""
-    thick = entry.radius_mm > _ROOM * 0.4445 * 1.5
-    radius, rigidity = (0.4445, "1, 1, 1, 100, 300") if thick else (0.178, "0.2, 0.2, 0.2, 3, 30")
-    one, two = bend_of_tip(entry.direction)
     thinnest = min(float(curve.radii.min()) for curve in curves)
     root = float(np.median(curves[0].radii[:10]))
     flow = min(_AORTA_ML_S, _AORTA_ML_S * (root / _AORTA_MM) ** 3)
@@ -124,18 +147,7 @@ superior = "+z"
 point_mm = {_list(entry.point_mm)}
 direction = {_list(entry.direction, 4)}
 
-# {'A 0.035-inch' if thick else 'A 0.014-inch'} wire, which fits the entry. Rigidity: as in the scene {'neuro_arch' if thick else 'coronary'}.
-[[instrument]]
-name = "guidewire"
-# All centerlines together, at most 1800 mm.
-max_length_mm = {min(1800, max(50, round(length)))}
-radius_mm = {radius}
-from_tip_mm = [0, {_TIP_MM:g}, {_TIP_MM:g}, 80, 150]
-rigidity_N_mm2 = [{rigidity}]
-# A tip of {_TIP_MM:g} mm, bent by {_TIP_DEG:g} degrees; at a rotation of 0 it points to the patient's front.
-curvature_1_per_mm = [{one:.6f}, {one:.6f}, 0, 0, 0]
-curvature_2_per_mm = [{two:.6f}, {two:.6f}, 0, 0, 0]
-
+{wire_text(is_thick(entry), entry.direction, length)}
 # Usual for a coated wire; the scan does not show it.
 [effects.friction]
 coefficient = 0.08

@@ -11,6 +11,7 @@ are shortest for the length over the squared radius.
 from __future__ import annotations
 
 import dataclasses
+import json
 import pathlib
 from typing import Any, List, Optional, Tuple
 
@@ -323,3 +324,15 @@ def write(folder: pathlib.Path, curves: List[Curve]) -> None:
     folder.mkdir()
     for curve in curves:
         (folder / f"{curve.name}.mrk.json").write_text(slicer_curve(curve.points, curve.radii))
+
+
+def read(folder: pathlib.Path) -> List[Curve]:
+    """Curves that `write` wrote."""
+    curves: List[Curve] = []
+    for path in sorted(folder.glob("*.mrk.json")):
+        (markup,) = json.loads(path.read_text())["markups"]
+        points = np.array([point["position"] for point in markup["controlPoints"]], float)
+        radii = np.array(markup["measurements"][0]["controlPointValues"], float)
+        near = [np.linalg.norm(curve.points - points[0], axis=1).min() for curve in curves]
+        curves.append(Curve(path.name.split(".")[0], points, radii, int(np.argmin(near)) if near else None))
+    return curves

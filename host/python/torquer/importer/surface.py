@@ -18,6 +18,8 @@ _PASS_BAND, _ROUNDS = 0.1, 20
 MOST_TRIANGLES = 60_000
 """Triangles after the decimation: the simulator loads them in 10 s, and five times as many in 34 s."""
 
+_STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+
 
 @dataclasses.dataclass
 class Mesh:
@@ -154,10 +156,18 @@ def decimate(mesh: Mesh, most: int = MOST_TRIANGLES) -> Mesh:
 
 def write_stl(path: Union[str, "os.PathLike[str]"], mesh: Mesh) -> None:
     """Binary STL whose header says that it is in LPS and mm, as 3D Slicer does."""
-    rows = np.zeros(len(mesh.triangles), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")]))
+    rows = np.zeros(len(mesh.triangles), _STL_ROW)
     vectors = mesh.area_vectors()
     rows["normal"] = vectors / np.maximum(1e-30, np.linalg.norm(vectors, axis=1))[:, None]
     rows["corners"] = mesh.corners()
     with open(path, "wb") as file:
         file.write(b"torquer-import, mm, SPACE=LPS".ljust(80) + struct.pack("<I", len(rows)))
         file.write(rows.tobytes())
+
+
+def from_stl(path: Union[str, "os.PathLike[str]"]) -> Mesh:
+    """The triangles that `write_stl` wrote, without shared points."""
+    with open(path, "rb") as file:
+        rows = np.frombuffer(file.read()[84:], _STL_ROW)
+    points = rows["corners"].astype(float).reshape(-1, 3)
+    return Mesh(points, np.arange(len(points)).reshape(-1, 3))
