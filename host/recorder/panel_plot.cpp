@@ -27,6 +27,7 @@ constexpr int kMostTicks = 40;
 constexpr const char* kInk = "#1a2430";
 constexpr const char* kFaint = "#566270";
 constexpr const char* kGrid = "#dfe4ea";
+constexpr const char* kDots = "stroke=\"#9aa4ae\" stroke-width=\"4\" stroke-linecap=\"round\"";
 constexpr const char* kLimitColor = "#a3123a";
 
 // Color and dashes of a curve. The colors are those of Okabe and Ito, "Color Universal Design"
@@ -161,6 +162,13 @@ class Drawing {
              x, y - 4, kLimitColor);
       x -= 16;
     }
+    if (!panel.uncounted.empty()) {
+      x -= TextWidth(panel.uncounted_label);
+      AppendText(out_, x, y, "start", kFaint, panel.uncounted_label);
+      x -= 18;
+      Append(out_, "<path d=\"M{:.1f} {:.1f}h0\" {}/>\n", x + 8, y - 4, kDots);
+      x -= 16;
+    }
     for (std::size_t k = panel.curves.size(); k-- > 0;) {
       const std::string& label = panel.curves[k].label;
       if (label.empty()) continue;
@@ -181,6 +189,7 @@ class Drawing {
       Append(out_, "<path d=\"M{:.1f} {:.1f}H{:.1f}\" stroke=\"{}\"/>\n", kLeft, y, kRight, kGrid);
       AppendText(out_, kLeft - 7, y + 4, "end", kFaint, fmt::format("{:.6g}", tick));
     }
+    DrawUncounted(panel.uncounted, scale);
     for (std::size_t k = 0; k < panel.curves.size(); ++k) {
       DrawCurve(panel.curves[k].points, LookOf(k), scale);
     }
@@ -189,6 +198,16 @@ class Drawing {
            "<path d=\"M{:.1f} {:.1f}H{:.1f}\" stroke=\"{}\" stroke-width=\"1.8\" "
            "stroke-dasharray=\"10 3\"/>\n",
            kLeft, scale.Pixel(panel.limit->value), kRight, kLimitColor);
+  }
+
+  void DrawUncounted(const std::vector<SeriesPoint>& points, const Scale& scale) {
+    if (points.empty()) return;
+    std::string path;
+    for (const SeriesPoint& point : points) {
+      const double shown = std::clamp(point.value, scale.low, scale.high);
+      Append(path, "M{:.1f} {:.1f}h0", x_.Pixel(point.time_s), scale.Pixel(shown));
+    }
+    Append(out_, "<path d=\"{}\" {}/>\n", path, kDots);
   }
 
   void DrawCurve(const std::vector<SeriesPoint>& points, const Look& look, const Scale& scale) {

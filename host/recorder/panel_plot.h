@@ -34,6 +34,10 @@ struct PlotPanel {
   std::vector<PlotCurve> curves = {};
   std::vector<PlotBar> bars = {};
   std::optional<PlotLimit> limit = {};
+  /// Points that do not count: drawn as gray dots, without influence on the scale. Beyond the scale
+  /// they lie on its edge.
+  std::vector<SeriesPoint> uncounted = {};
+  std::string uncounted_label = {};
   bool from_zero = false;  ///< the axis begins at 0
 };
 

@@ -101,8 +101,11 @@ class Page {
                     .curves = {{"", course.tip_speed_mm_s().Points()}},
                     .from_zero = true};
     std::vector<PlotPanel> panels = {std::move(insertion), std::move(rotation), std::move(speed)};
-    if (!course.wall_force_mN().empty()) {
-      panels.push_back(ForcePanel(course.wall_force_mN().Points()));
+    if (!course.wall_force_mN().empty() || !course.unsettled_force_mN().empty()) {
+      PlotPanel force = ForcePanel(course.wall_force_mN().Points());
+      force.uncounted = course.unsettled_force_mN().Points();
+      force.uncounted_label = "gray: not settled, does not count";
+      panels.push_back(std::move(force));
     }
     PlotPanel pedals{.title = "X-ray and contrast (bar: pedal down)"};
     if (report_.Has("fluoroscopy") || !course.xray().spans().empty()) {

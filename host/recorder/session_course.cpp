@@ -50,7 +50,8 @@ void SessionCourse::ReleaseSilentPedals(double now_s) {
 
 void SessionCourse::Add(const torquer_lcm::wire_state_t& state) {
   if (!(std::abs(state.time_s) <= Series::kMost)) return;
-  const Tick tick{state.tick, state.clock_id, state.publish_us, state.instruments};
+  const Tick tick{state.tick, state.clock_id, state.publish_us,
+                  (state.status & protocol::kWireConverged) != 0, state.instruments};
   if (!last_) begin_s_ = time_s_ = state.time_s;
   // Values stayed constant during rest. Without this extra point the plot would show a slow ramp.
   const bool follows = last_ && last_->number < INT64_MAX && tick.number == last_->number + 1;
@@ -146,8 +147,13 @@ void SessionCourse::Add(const torquer_lcm::readings_t& readings) {
   // A peak between two messages shows in the largest force so far.
   const double ever_mN =
       FindReading(readings, "wall_force_largest_ever_mN").value_or(wall_force_ever_mN_);
-  wall_force_mN_.Add(readings.time_s,
-                     ever_mN > wall_force_ever_mN_ ? std::max(*now, ever_mN) : *now);
+  const bool settled = last_ && readings.tick == last_->number && last_->converged;
+  if (!settled) unsettled_force_mN_.Add(readings.time_s, *now);
+  if (ever_mN > wall_force_ever_mN_) {
+    wall_force_mN_.Add(readings.time_s, settled ? std::max(*now, ever_mN) : ever_mN);
+  } else if (settled) {
+    wall_force_mN_.Add(readings.time_s, *now);
+  }
   wall_force_ever_mN_ = std::max(wall_force_ever_mN_, ever_mN);
 }
 

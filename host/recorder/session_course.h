@@ -60,6 +60,7 @@ class SessionCourse {
   /// Adds a tick; each tick must be added only once. The tip is that of the innermost instrument,
   /// also where another one reaches farther.
   void Add(const torquer_lcm::wire_state_t& state);
+  /// Readings of a tick that was not added before do not count.
   void Add(const torquer_lcm::readings_t& readings);
 
   double begin_s() const { return begin_s_; }  ///< of the first tick
@@ -67,8 +68,10 @@ class SessionCourse {
   const std::vector<InstrumentCourse>& instruments() const { return instruments_; }
   const Spans& xray() const { return xray_; }          ///< pedal down
   const Spans& contrast() const { return contrast_; }  ///< pedal down
-  /// Largest force of a patch, mN; includes peaks between two messages.
+  /// Largest force of a patch in ticks that converged, mN; includes peaks between two messages.
   const Series& wall_force_mN() const { return wall_force_mN_; }
+  /// The same in all other ticks, mN; these values do not count.
+  const Series& unsettled_force_mN() const { return unsettled_force_mN_; }
   const Series& tip_speed_mm_s() const { return tip_speed_mm_s_; }
   double tip_path_mm() const { return tip_path_mm_; }  ///< in steps of kPathStepMm
   double peak_speed_mm_s() const { return peak_speed_mm_s_; }
@@ -84,6 +87,7 @@ class SessionCourse {
     std::int64_t number = 0;
     std::int64_t clock_id = 0;
     std::int64_t publish_us = 0;
+    bool converged = false;
     std::vector<torquer_lcm::instrument_state_t> instruments;
   };
   // Insertion at an instrument's last reversal; before its first motion, its initial insertion.
@@ -108,6 +112,7 @@ class SessionCourse {
   Spans contrast_;
   std::optional<double> command_s_;  // time of the newest command
   Series wall_force_mN_;
+  Series unsettled_force_mN_;
   double wall_force_ever_mN_ = 0;
   Series tip_speed_mm_s_;
   std::optional<Eigen::Vector3d> speed_from_mm_;

@@ -147,6 +147,8 @@ TEST_CASE("A peak of the wall force between two readings is in the course") {
   readings.names = {"wall_force_largest_mN", "wall_force_largest_ever_mN"};
   const double values[][2] = {{3, 3}, {4, 17}, {2, 17}};
   for (int i = 0; i < 3; ++i) {
+    course.Add(Tick(i, 0.1 * i, 0, 0));
+    readings.tick = i;
     readings.time_s = 0.1 * i;
     readings.values = {values[i][0], values[i][1]};
     course.Add(readings);
@@ -156,6 +158,32 @@ TEST_CASE("A peak of the wall force between two readings is in the course") {
   CHECK(points[0].value == 3);
   CHECK(points[1].value == 17);
   CHECK(points[2].value == 2);
+}
+
+TEST_CASE("A wall force of a tick that did not settle is apart from those that count") {
+  SessionCourse course;
+  torquer_lcm::readings_t readings{};
+  readings.names = {"wall_force_largest_mN", "wall_force_largest_ever_mN"};
+  const double values[][2] = {{3, 3}, {12000, 17}, {4, 17}, {900, 17}};
+  for (int i = 0; i < 4; ++i) {
+    torquer_lcm::wire_state_t state = Tick(i, 0.1 * i, 0, 0);
+    if (i == 1) state.status = protocol::kWireBudgetSpent;
+    // The state of the last readings is not in the log.
+    if (i < 3) course.Add(state);
+    readings.tick = i;
+    readings.time_s = 0.1 * i;
+    readings.values = {values[i][0], values[i][1]};
+    course.Add(readings);
+  }
+  const std::vector<SeriesPoint> counted = course.wall_force_mN().Points();
+  REQUIRE(counted.size() == 3);
+  CHECK(counted[1].value == 17);  // a settled tick between two messages
+  CHECK(counted[2].value == 4);
+  const std::vector<SeriesPoint> apart = course.unsettled_force_mN().Points();
+  REQUIRE(apart.size() == 2);
+  CHECK(apart[0].value == 12000);
+  CHECK(apart[0].time_s == 0.1);
+  CHECK(apart[1].value == 900);
 }
 
 TEST_CASE("The solver's health is counted over the ticks of a log") {

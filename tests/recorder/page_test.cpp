@@ -324,6 +324,15 @@ TEST_CASE("Panels lie where their values are") {
   svg = DrawPanels("", {panel}, axis);
   CHECK(Count(svg, "stroke-dasharray=\"10 3\"") == 1);
   CHECK_THAT(svg, Catch::Contains("limit 500 mm"));
+  // Points that do not count are dots; beyond the scale they lie on its edge.
+  panel.limit.reset();
+  panel.uncounted = {{5, 2}, {10, 12000}};
+  panel.uncounted_label = "gray: does not count";
+  svg = DrawPanels("", {panel}, axis);
+  CHECK(IsXml(svg));
+  CHECK_THAT(svg, Catch::Contains("d=\"M66.0 112.0L944.0 33.5\""));
+  CHECK_THAT(svg, Catch::Contains("d=\"M505.0 72.7h0M944.0 28.0h0\""));
+  CHECK_THAT(svg, Catch::Contains(">gray: does not count<"));
   // Drawing must terminate for any values.
   panel.curves[0].points = {{1e12, 1e12}, {1e12, 1e12 + 1e-4}};
   CHECK(DrawPanels("", {panel}, {.label = "", .begin = 1e12, .end = 1e12}).find("nan") ==

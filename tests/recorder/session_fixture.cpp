@@ -294,11 +294,13 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     state.time_s = 1e-3 * i;
     state.status = i >= 100 && i < 110 ? protocol::kWireBudgetSpent : protocol::kWireConverged;
     state.residual = i == 500 ? 3e-7 : 1e-7;
-    if (faults.course && i % 50 == 0) {
-      log.Write(protocol::kReadingsChannel, now_us, CourseReadings(state.time_s));
-    }
     const bool cut = faults.undecodable && i == 42;
     log.Write(protocol::kWireStateChannel, now_us, state, cut ? 9 : 0);
+    if (faults.course && i % 50 == 0) {
+      torquer_lcm::readings_t readings = CourseReadings(state.time_s);
+      readings.tick = state.tick;
+      log.Write(protocol::kReadingsChannel, now_us, readings);
+    }
     if (faults.repeated_states) {
       state.publish_us += 200'000;
       log.Write(protocol::kWireStateChannel, now_us, state);
