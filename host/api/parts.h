@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "host/api/past.h"
 #include "host/api/row_run.h"
 #include "host/api/torquer/torquer.h"
 #include "host/simulator/scene/scene.h"
@@ -29,7 +30,8 @@ namespace torquer {
 inline Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
 
 struct Scene::Parts {
-  explicit Parts(scene::SceneSpec spec);
+  /// `base`: a scene whose vessel this one may share; null: none.
+  explicit Parts(scene::SceneSpec spec, const scene::Scene* base = nullptr);
   ~Parts();
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
@@ -52,6 +54,7 @@ struct Simulation::Parts {
   std::shared_ptr<scene::Scene> lent;
   simulator::Simulation simulation;
   RowRun rows;
+  Past past;
   std::vector<Picture> pictures;   ///< of each plane
   std::vector<bool> pictures_due;  ///< a picture was taken that `pictures` does not have
   mutable Usage<Error> usage;

@@ -40,8 +40,9 @@ const char* Version() { return kVersion; }
 Error::Error(const std::string& message) : std::runtime_error(message) {}
 Error::~Error() = default;
 
-Scene::Parts::Parts(scene::SceneSpec spec)
-    : scene(std::make_unique<scene::Scene>(std::move(spec))),
+Scene::Parts::Parts(scene::SceneSpec spec, const scene::Scene* base)
+    : scene(base == nullptr ? std::make_unique<scene::Scene>(std::move(spec))
+                            : std::make_unique<scene::Scene>(std::move(spec), *base)),
       folder(Absolute(scene->spec().folder)),
       instruments(InstrumentsOf(*scene)) {}
 
@@ -61,9 +62,15 @@ Scene Scene::FromFile(const std::string& path) {
   return Guarded([&] { return Scene(std::make_shared<const Parts>(scene::ReadScene(path))); });
 }
 
-Scene Scene::FromText(const std::string& toml, const std::string& folder) {
+Scene Scene::FromText(const std::string& toml, const std::string& folder, const std::string& path) {
+  return Guarded(
+      [&] { return Scene(std::make_shared<const Parts>(scene::ParseScene(toml, path, folder))); });
+}
+
+Scene Scene::With(const Values& values) const {
   return Guarded([&] {
-    return Scene(std::make_shared<const Parts>(scene::ParseScene(toml, "scene", folder)));
+    const scene::Scene& base = *parts_->scene;
+    return Scene(std::make_shared<const Parts>(scene::With(base.spec(), values), &base));
   });
 }
 

@@ -61,6 +61,7 @@ Simulation::Parts::Parts(const Parts& other)
       lent(scene.parts_->Lend()),
       simulation(*lent, other.simulation),
       rows(simulation),
+      past(other.past),
       pictures(other.pictures),
       pictures_due(other.pictures_due) {
   rows.CopyFrom(other.rows);
@@ -93,6 +94,7 @@ Simulation& Simulation::operator=(const Simulation& other) {
   const auto change = parts_->usage.Change();
   parts_->simulation.CopyFrom(other.parts_->simulation);
   parts_->rows.CopyFrom(other.parts_->rows);
+  parts_->past = other.parts_->past;
   parts_->pictures = other.parts_->pictures;
   parts_->pictures_due = other.parts_->pictures_due;
   return *this;
@@ -115,6 +117,7 @@ void Simulation::Restart() {
   const auto hold = parts().usage.Change();
   parts_->simulation.Restart();
   parts_->rows.Restart();
+  parts_->past = {};
   parts_->pictures.assign(parts_->pictures.size(), Picture{});
   parts_->pictures_due.assign(parts_->pictures.size(), false);
 }
@@ -133,7 +136,15 @@ StepReport Simulation::Step(const Command& command,
         command.time_s, before_s));
   }
   Check(command, all.scene);
+  // Ends the step in the past also if `after_tick` throws.
+  struct Recording {
+    Past& past;
+    ~Recording() { past.EndStep(); }
+  };
+  all.past.BeginStep(command);
+  const Recording recording{all.past};
   return all.rows.GoTo(command, [&](const StepReport& tick) {
+    all.past.AddTick();
     for (std::size_t k = 0; k < all.pictures_due.size(); ++k) {
       if (all.simulation.picture_due(k)) all.pictures_due[k] = true;
     }
@@ -300,6 +311,7 @@ const Picture& Simulation::LastPicture(int plane) {
   }
   const auto k = static_cast<std::size_t>(plane);
   if (!parts_->pictures_due[k]) return parts_->pictures[k];
+  parts_->past.AddRendering(plane);
   effects::ImageSource::Picture taken;
   parts_->simulation.image(k)->Render(taken);
   parts_->pictures[k] = {.width = taken.width,

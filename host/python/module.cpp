@@ -17,10 +17,10 @@ using torquer::Simulation;
 using torquer::python::EndsAtInterruption;
 using torquer::python::Interruption;
 using torquer::python::NoGil;
-using torquer::python::PathText;
 using torquer::python::Represent;
 using torquer::python::RequireColumns;
 using torquer::python::Rows;
+using torquer::python::SceneFrom;
 using torquer::python::ToRows;
 
 namespace {
@@ -44,20 +44,6 @@ py::array_t<double> HandsOf(std::size_t count, Get get) {
     const torquer::Hand hand = get(k);
     rows(static_cast<py::ssize_t>(k), 0) = hand.insertion_mm;
     rows(static_cast<py::ssize_t>(k), 1) = hand.rotation_rad;
-  }
-  return out;
-}
-
-py::array_t<double> Clearances(const Scene& scene, const Rows& points_mm) {
-  RequireColumns(points_mm, "points_mm", 3);
-  py::array_t<double> out(points_mm.shape(0));
-  auto values = out.mutable_unchecked<1>();
-  const auto points = points_mm.unchecked<2>();
-  Interruption interruption;
-  const py::gil_scoped_release free;
-  for (py::ssize_t k = 0; k < points.shape(0); ++k) {
-    if (k % 1024 == 1023) interruption.Check();
-    values(k) = scene.ClearanceMm({points(k, 0), points(k, 1), points(k, 2)});
   }
   return out;
 }
@@ -133,87 +119,16 @@ std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& ca
   };
 }
 
-Scene SceneFrom(const py::object& path) {
-  const std::string text = PathText(path);
+Simulation UnpickleSimulation(const py::tuple& fields) {
+  if (fields.size() != 2 || !py::isinstance<Scene>(fields[0]) ||
+      !py::isinstance<py::bytes>(fields[1])) {
+    throw torquer::Error("the pickled simulation is damaged; pickle it again");
+  }
+  const auto scene = fields[0].cast<Scene>();
+  const auto saved = fields[1].cast<std::string>();
   const py::gil_scoped_release free;
-  return Scene::FromFile(text);
-}
-
-void AddScene(py::module_& module) {
-  py::class_<torquer::InstrumentInfo>(module, "InstrumentInfo", "An instrument of a scene.")
-      .def("__repr__",
-           [](const py::object& self) {
-             return Represent(self, "InstrumentInfo", {"name", "max_length_mm", "tip_radius_mm"});
-           })
-      .def_readonly("name", &torquer::InstrumentInfo::name)
-      .def_readonly("max_length_mm", &torquer::InstrumentInfo::max_length_mm)
-      .def_readonly("tip_radius_mm", &torquer::InstrumentInfo::tip_radius_mm)
-      .def_readonly("inner_radius_mm", &torquer::InstrumentInfo::inner_radius_mm,
-                    "Radius of the lumen in mm; 0: solid.")
-      .def_readonly("is_beside", &torquer::InstrumentInfo::is_beside,
-                    "True if it lies beside the earlier instruments, with [instrument.entry].");
-  py::class_<Scene>(module, "Scene", "A scene, read from a file and checked, with its vessel.")
-      .def(py::init(&SceneFrom), py::arg("path"),
-           "Reads a scene file, or a scene of Torquer by its name, and the files that it names.")
-      .def("__repr__",
-           [](const py::object& self) {
-             return Represent(self, "Scene", {"name", "path"});
-           })
-      .def_static("from_text", &Scene::FromText, py::arg("text"), py::arg("folder") = ".", NoGil(),
-                  "Reads a scene from the text of a scene file; its paths are relative to folder.")
-      .def_property_readonly("name", &Scene::name)
-      .def_property_readonly("path", &Scene::path,
-                             "Path of the scene file; 'scene' for a scene from a text.")
-      .def_property_readonly("text", &Scene::text, "All keys with their values, as a scene file.")
-      .def_property_readonly("folder", &Scene::folder)
-      .def_property_readonly("content_hash", &Scene::content_hash,
-                             "Hash of the scene's text and of the files that it names.")
-      .def_property_readonly("instruments", &Scene::instruments,
-                             "Instruments of the scene, the innermost first.")
-      .def_property_readonly("effects", &Scene::effects)
-      .def_property_readonly("findings", &Scene::findings,
-                             "Defects that were found in the vessel's file and repaired.")
-      .def_property_readonly("centerlines", &Scene::centerlines, "Names of the centerlines.")
-      .def_property_readonly(
-          "bounds_mm",
-          [](const Scene& scene) {
-            const std::array<torquer::Point, 2> box = scene.bounds_mm();
-            return ToRows({box[0], box[1]});
-          },
-          "Two corners of the vessel's bounding box, shape (2, 3).")
-      .def("keep_field", &Scene::KeepField, NoGil(),
-           "Stores the built parts of the vessel's field for later programs now, instead of when "
-           "the scene is deleted. Returns the reason if that fails, otherwise an empty text.")
-      .def("clearance_mm", &Clearances, py::arg("points_mm"),
-           "Distances of points, shape (n, 3), from the wall, positive in the lumen; shape (n,).")
-      .def(
-          "centerline_mm",
-          [](const Scene& scene, const std::string& name, double step_mm) {
-            return ToRows(scene.CenterlineMm(name, step_mm));
-          },
-          py::arg("name"), py::arg("step_mm") = 1.0,
-          "Points along a centerline, step_mm apart, shape (n, 3).")
-      .def(
-          "route_mm",
-          [](const Scene& scene, const std::string& centerline, double at_mm, double step_mm,
-             std::size_t instrument) {
-            return ToRows(scene.RouteMm(centerline, at_mm, step_mm, instrument));
-          },
-          py::arg("centerline"), py::arg("at_mm"), py::arg("step_mm") = 1.0,
-          py::arg("instrument") = 0,
-          "Points along the shortest route from the entry of an instrument to a place on a "
-          "centerline, step_mm apart, shape (n, 3).")
-      .def(py::pickle(
-          [](const Scene& scene) {
-            return py::make_tuple(scene.text(), scene.folder(), scene.content_hash());
-          },
-          [](const py::tuple& state) {
-            Scene scene =
-                Scene::FromText(state[0].cast<std::string>(), state[1].cast<std::string>());
-            if (scene.content_hash() == state[2].cast<std::uint64_t>()) return scene;
-            throw torquer::Error(scene.folder() + ": a file of the pickled scene " + scene.name() +
-                                 " has changed since it was pickled; pickle the scene again");
-          }));
+  return Simulation::Load(scene, saved,
+                          [interruption = Interruption()]() mutable { interruption.Check(); });
 }
 
 void AddSimulation(py::module_& module) {
@@ -275,6 +190,17 @@ void AddSimulation(py::module_& module) {
       .def(
           "copy", [](const Simulation& self) { return std::make_unique<Simulation>(self); },
           NoGil(), "Returns an independent copy, which continues from the same state.")
+      .def(py::pickle(
+          [](const Simulation& self) {
+            std::string saved;
+            Scene scene = self.scene();
+            {
+              const py::gil_scoped_release free;
+              saved = self.Save();
+            }
+            return py::make_tuple(std::move(scene), py::bytes(saved));
+          },
+          &UnpickleSimulation))
       .def("__copy__", [](const Simulation& self) { return std::make_unique<Simulation>(self); })
       .def(
           "__deepcopy__",
@@ -408,8 +334,9 @@ void AddSimulation(py::module_& module) {
 PYBIND11_MODULE(_torquer, module) {
   module.doc() = "Simulation of guidewires and catheters in a patient's arteries.";
   module.attr("__version__") = torquer::Version();
+  module.attr("__build__") = torquer::Build();
   py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
-  AddScene(module);
+  torquer::python::AddScene(module);
   torquer::python::AddSurface(module);
   AddSimulation(module);
   torquer::python::AddNavigation(module);

@@ -89,10 +89,14 @@ pybind11::array_t<double> ToRows(const std::vector<Point>& points);
 /// A path from Python: text, or an object like pathlib.Path. Others are a TypeError.
 std::string PathText(const pybind11::object& path);
 
+/// Reads a scene by its path or name, without Python's lock.
+Scene SceneFrom(const pybind11::object& path);
+
 /// Representation of an object with some of its properties, such as "Imaging(mode='plain')".
 pybind11::str Represent(const pybind11::object& self, const char* name,
                         std::initializer_list<const char*> of);
 
+void AddScene(pybind11::module_& module);
 void AddSurface(pybind11::module_& module);
 void AddNavigation(pybind11::module_& module);
 

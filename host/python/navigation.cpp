@@ -26,6 +26,14 @@ double Distance(const Point& a, const Point& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
 
+void CheckRoute(const std::vector<Point>& route) {
+  const auto within = RequireWithin<Error>;
+  within("the number of points of the route", static_cast<double>(route.size()), 1, 1e6);
+  for (const Point& point : route) {
+    for (const double x : point) within("a coordinate of the route", x, -1e9, 1e9);
+  }
+}
+
 NavigationTask Checked(NavigationTask task, std::size_t instruments) {
   const auto within = RequireWithin<Error>;
   within("instrument", static_cast<double>(task.instrument), 0,
@@ -36,10 +44,7 @@ NavigationTask Checked(NavigationTask task, std::size_t instruments) {
   within("largest_turn_rad", task.largest_turn_rad, 0, 1e6);
   within("force_limit_mN", task.force_limit_mN, 0, INFINITY);
   within("max_steps", task.max_steps, 1, INT_MAX);
-  within("the number of points of the route", static_cast<double>(task.route.size()), 1, 1e6);
-  for (const Point& point : task.route) {
-    for (const double x : point) within("a coordinate of the route", x, -1e9, 1e9);
-  }
+  CheckRoute(task.route);
   return task;
 }
 
@@ -57,7 +62,34 @@ Navigation::Navigation(const Scene& scene, NavigationTask task)
       lengths_mm_(LengthsMm(scene)),
       simulation_(scene),
       start_(simulation_) {
+  memory_.route = task_.route;
   Conclude();
+}
+
+Navigation::Navigation(const Navigation& other) : Navigation(other, other.usage_.Look()) {}
+
+Navigation::Navigation(const Navigation& other, const Usage<Error>::Hold& /*hold*/)
+    : task_(other.task_),
+      instruments_(other.instruments_),
+      lengths_mm_(other.lengths_mm_),
+      simulation_(other.simulation_),
+      start_(other.start_),
+      first_picture_(other.first_picture_),
+      memory_(other.memory_) {}
+
+NavigationState Navigation::Save() const {
+  const auto hold = usage_.Look();
+  return {.simulation = simulation_.Save(), .memory = memory_};
+}
+
+void Navigation::Load(const NavigationState& state, const std::function<void()>& after_tick) {
+  const auto hold = usage_.Change();
+  CheckRoute(state.memory.route);
+  if (state.memory.nearest >= state.memory.route.size()) {
+    throw Error("the saved environment is damaged; save it again");
+  }
+  simulation_ = Simulation::Load(start_.scene(), state.simulation, after_tick);
+  memory_ = state.memory;
 }
 
 std::size_t Navigation::vector_size() const {
@@ -72,41 +104,43 @@ double Navigation::Force() const {
 }
 
 void Navigation::FindOnRoute(std::size_t reach) {
-  const std::size_t first = nearest_ > reach ? nearest_ - reach : 0;
-  const std::size_t last = std::min(nearest_ + reach, task_.route.size() - 1);
+  const std::size_t first = memory_.nearest > reach ? memory_.nearest - reach : 0;
+  const std::size_t last = std::min(memory_.nearest + reach, memory_.route.size() - 1);
   double least_mm = INFINITY;
   for (std::size_t k = first; k <= last; ++k) {
-    const double distance_mm = Distance(task_.route[k], tip_);
+    const double distance_mm = Distance(memory_.route[k], memory_.tip);
     if (distance_mm >= least_mm) continue;
     least_mm = distance_mm;
-    nearest_ = k;
+    memory_.nearest = k;
   }
-  fact(Fact::kRemaining_mm) = static_cast<double>(task_.route.size() - 1 - nearest_) + least_mm;
+  fact(Fact::kRemaining_mm) =
+      static_cast<double>(memory_.route.size() - 1 - memory_.nearest) + least_mm;
 }
 
 // Sets the facts after a reset; a step adds to them.
 void Navigation::Conclude() {
-  facts_ = {};
-  steps_ = 0;
-  nearest_ = 0;
-  tip_ = Tip();
-  FindOnRoute(task_.route.size());
+  memory_.facts = {};
+  memory_.steps = 0;
+  memory_.nearest = 0;
+  memory_.tip = Tip();
+  FindOnRoute(memory_.route.size());
   fact(Fact::kWallForce_mN) = Force();
   fact(Fact::kTime_s) = simulation_.time_s();
-  worst_mN_ = worst_unconverged_mN_ = 0;
-  any_converged_ = false;
+  memory_.worst_mN = memory_.worst_unconverged_mN = 0;
+  memory_.any_converged = false;
 }
 
 // Mark of a step that reached the target: 0 or 1. NaN without a converged step, or if only others
 // exceeded the limit.
 double Navigation::SafeSuccess() const {
-  if (worst_mN_ > task_.force_limit_mN) return 0;
+  if (memory_.worst_mN > task_.force_limit_mN) return 0;
   if (std::isinf(task_.force_limit_mN)) return 1;
-  return any_converged_ && worst_unconverged_mN_ <= task_.force_limit_mN ? 1 : NAN;
+  return memory_.any_converged && memory_.worst_unconverged_mN <= task_.force_limit_mN ? 1 : NAN;
 }
 
-void Navigation::CheckRotation(double rotation_rad) {
-  RequireWithin<Error>("rotation_rad", rotation_rad, -1e4, 1e4);
+void Navigation::CheckStart(const NavigationStart& start) {
+  RequireWithin<Error>("rotation_rad", start.rotation_rad, -1e4, 1e4);
+  if (!start.route.empty()) CheckRoute(start.route);
 }
 
 void Navigation::CheckAction(const double* action) const {
@@ -116,23 +150,24 @@ void Navigation::CheckAction(const double* action) const {
   }
 }
 
-void Navigation::Reset(double rotation_rad, const AfterTick& after_tick) {
+void Navigation::Reset(const NavigationStart& start, const AfterTick& after_tick) {
   const auto hold = usage_.Change();
-  CheckRotation(rotation_rad);
+  CheckStart(start);
   simulation_ = start_;
+  memory_.route = start.route.empty() ? task_.route : start.route;
   Command command = simulation_.command();
   command.time_s = task_.step_s;
-  command.hands[task_.instrument].rotation_rad += rotation_rad;
+  command.hands[task_.instrument].rotation_rad += start.rotation_rad;
   command.xray = task_.pictures;
   simulation_.Step(command, after_tick);
   Conclude();
-  begun_ = true;
+  memory_.begun = true;
 }
 
 void Navigation::Step(const double* action, const AfterTick& after_tick) {
   const auto hold = usage_.Change();
   CheckAction(action);
-  if (!begun_) throw Error("the environment has not begun; call reset() before step()");
+  if (!memory_.begun) throw Error("the environment has not begun; call reset() before step()");
   if (fact(Fact::kTerminated) != 0 || fact(Fact::kTruncated) != 0) {
     throw Error("the episode has ended; call reset() before step()");
   }
@@ -148,20 +183,20 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
     hand.rotation_rad += task_.largest_turn_rad * std::clamp(action[2 * k + 1], -1.0, 1.0);
   }
   const StepReport report = simulation_.Step(command, after_tick);
-  ++steps_;
+  ++memory_.steps;
   const Point tip = Tip();
   const double before_mm = fact(Fact::kRemaining_mm);
-  fact(Fact::kPath_mm) += Distance(tip, tip_);
-  tip_ = tip;
+  fact(Fact::kPath_mm) += Distance(tip, memory_.tip);
+  memory_.tip = tip;
   FindOnRoute(kReach);
   const double force_mN = Force();
-  double& worst_mN = report.converged ? worst_mN_ : worst_unconverged_mN_;
+  double& worst_mN = report.converged ? memory_.worst_mN : memory_.worst_unconverged_mN;
   worst_mN = std::max(worst_mN, force_mN);
-  any_converged_ = any_converged_ || report.converged;
-  const bool there = Distance(tip, task_.route.back()) <= task_.within_mm;
+  memory_.any_converged = memory_.any_converged || report.converged;
+  const bool there = Distance(tip, memory_.route.back()) <= task_.within_mm;
   fact(Fact::kWallForce_mN) = force_mN;
   fact(Fact::kTerminated) = there;
-  fact(Fact::kTruncated) = !there && steps_ >= task_.max_steps;
+  fact(Fact::kTruncated) = !there && memory_.steps >= task_.max_steps;
   fact(Fact::kSuccess) = there;
   fact(Fact::kSafeSuccess) = there ? SafeSuccess() : 0;
   fact(Fact::kTime_s) = simulation_.time_s();
@@ -170,7 +205,7 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
 
 std::array<double, kFacts> Navigation::facts() const {
   const auto hold = usage_.Look();
-  return facts_;
+  return memory_.facts;
 }
 
 void Navigation::Observe(float* out) const {
@@ -193,13 +228,13 @@ void Navigation::Write(float* out) const {
                                       : kApart_mm;
   const auto every = static_cast<std::size_t>(std::max(1L, std::lround(kApart_mm / segment_mm)));
   for (std::size_t k = 1; k <= kWirePoints; ++k) {
-    put(nodes_mm[count - 1 > k * every ? count - 1 - k * every : 0], tip_);
+    put(nodes_mm[count - 1 > k * every ? count - 1 - k * every : 0], memory_.tip);
   }
   for (std::size_t k = 1; k <= kRoutePoints; ++k) {
     const auto ahead = k * static_cast<std::size_t>(kApart_mm);
-    put(task_.route[std::min(task_.route.size() - 1, nearest_ + ahead)], tip_);
+    put(memory_.route[std::min(memory_.route.size() - 1, memory_.nearest + ahead)], memory_.tip);
   }
-  put(task_.route.back(), tip_);
+  put(memory_.route.back(), memory_.tip);
   const std::vector<InstrumentState> all = simulation_.instruments();
   for (const InstrumentState& each : all) *out++ = static_cast<float>(each.hand.insertion_mm);
   for (const InstrumentState& each : all) {

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "host/support/usage.h"
@@ -26,6 +27,12 @@ struct NavigationTask {
   std::vector<Point> route;  ///< points from the entry to the target, 1 mm apart
 };
 
+/// Start of an episode.
+struct NavigationStart {
+  double rotation_rad = 0;        ///< of the task's instrument
+  std::vector<Point> route = {};  ///< as in the task; empty: that of the task
+};
+
 /// Results of a step or a reset; numpy sees them as the rows of an array. kSafeSuccess is NaN where
 /// it is not known, because forces of steps that did not converge decide it.
 enum class Fact {
@@ -41,6 +48,25 @@ enum class Fact {
 };
 inline constexpr std::size_t kFacts = 9;
 
+/// Memory of an environment, beside its simulation.
+struct NavigationMemory {
+  std::vector<Point> route;  ///< of the episode
+  Point tip = {};
+  std::size_t nearest = 0;  ///< index of the nearest point of the route
+  bool begun = false;       ///< true after the first reset
+  int steps = 0;
+  double worst_mN = 0;              ///< in steps that converged
+  double worst_unconverged_mN = 0;  ///< in the other ones
+  bool any_converged = false;
+  std::array<double, kFacts> facts = {};
+};
+
+/// An environment at a moment, to store it.
+struct NavigationState {
+  std::string simulation;  ///< of Simulation::Save
+  NavigationMemory memory;
+};
+
 /// Runs episodes in turn. It belongs to one thread at a time, and refuses a second one.
 class Navigation {
  public:
@@ -48,18 +74,28 @@ class Navigation {
 
   /// `scene` needs [effects.wall_force], and makes pictures if the task has them.
   Navigation(const Scene& scene, NavigationTask task);
+  /// A copy continues on its own.
+  Navigation(const Navigation& other);
+  Navigation& operator=(const Navigation&) = delete;
+  ~Navigation() = default;
+
+  const NavigationTask& task() const { return task_; }
+  NavigationState Save() const;
+  /// Takes over a state of an environment with the same scene and task. Refuses others, and damaged
+  /// ones. `after_tick`: as in Simulation::Load.
+  void Load(const NavigationState& state, const std::function<void()>& after_tick = {});
 
   std::size_t action_size() const { return 2 * instruments_; }
   std::size_t vector_size() const;
 
-  /// Returns to the start, turns the task's instrument by `rotation_rad`, and makes a step.
-  /// `after_tick`: as in Simulation::Step.
-  void Reset(double rotation_rad, const AfterTick& after_tick = {});
+  /// Returns to the start, turns the task's instrument, and makes a step. `after_tick`: as in
+  /// Simulation::Step.
+  void Reset(const NavigationStart& start, const AfterTick& after_tick = {});
   /// `action`: feed and turn of each instrument, -1 .. 1 as fractions of the task's limits. Throws
   /// for values that are not finite, before the first reset, and after the end of an episode.
   void Step(const double* action, const AfterTick& after_tick = {});
   /// Throw for the arguments that Reset and Step refuse.
-  static void CheckRotation(double rotation_rad);
+  static void CheckStart(const NavigationStart& start);
   void CheckAction(const double* action) const;
   std::array<double, kFacts> facts() const;
   /// Writes vector_size() values.
@@ -70,7 +106,8 @@ class Navigation {
   Simulation& simulation() { return simulation_; }
 
  private:
-  double& fact(Fact which) { return facts_[static_cast<std::size_t>(which)]; }
+  Navigation(const Navigation& other, const Usage<Error>::Hold& hold);
+  double& fact(Fact which) { return memory_.facts[static_cast<std::size_t>(which)]; }
   Point Tip() const { return simulation_.instruments()[task_.instrument].tip_mm; }
   double Force() const;
   void FindOnRoute(std::size_t reach);
@@ -84,14 +121,7 @@ class Navigation {
   Simulation simulation_;
   const Simulation start_;
   Picture first_picture_;
-  Point tip_{};
-  std::size_t nearest_ = 0;  // index of the nearest point of the route
-  bool begun_ = false;       // true after the first reset
-  int steps_ = 0;
-  double worst_mN_ = 0;              // in steps that converged
-  double worst_unconverged_mN_ = 0;  // in the other ones
-  bool any_converged_ = false;
-  std::array<double, kFacts> facts_{};
+  NavigationMemory memory_;
   mutable Usage<Error> usage_;
 };
 

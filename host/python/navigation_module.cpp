@@ -1,9 +1,12 @@
 // The environments of torquer.envs for Python.
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "host/python/module.h"
 
@@ -22,6 +25,77 @@ py::array_t<float> VectorOf(const Navigation& navigation) {
   return out;
 }
 
+std::vector<Point> ToPoints(const Rows& rows) {
+  RequireColumns(rows, "route", 3);
+  std::vector<Point> points;
+  for (py::ssize_t k = 0; k < rows.shape(0); ++k) {
+    points.push_back({rows.at(k, 0), rows.at(k, 1), rows.at(k, 2)});
+  }
+  return points;
+}
+
+NavigationStart ToStart(double rotation_rad, const std::optional<Rows>& route) {
+  return {.rotation_rad = rotation_rad, .route = route ? ToPoints(*route) : std::vector<Point>()};
+}
+
+py::tuple ToTuple(const NavigationState& state) {
+  const NavigationMemory& memory = state.memory;
+  return py::make_tuple(py::bytes(state.simulation), ToRows(memory.route), memory.tip,
+                        memory.nearest, memory.begun, memory.steps, memory.worst_mN,
+                        memory.worst_unconverged_mN, memory.any_converged, memory.facts);
+}
+
+// A cast would take None for False.
+bool ToBool(const py::handle value) {
+  if (!py::isinstance<py::bool_>(value)) throw py::cast_error("not a bool");
+  return value.cast<bool>();
+}
+
+NavigationState ToState(const py::tuple& saved) {
+  try {
+    return {.simulation = saved[0].cast<std::string>(),
+            .memory = {.route = ToPoints(saved[1].cast<Rows>()),
+                       .tip = saved[2].cast<Point>(),
+                       .nearest = saved[3].cast<std::size_t>(),
+                       .begun = ToBool(saved[4]),
+                       .steps = saved[5].cast<int>(),
+                       .worst_mN = saved[6].cast<double>(),
+                       .worst_unconverged_mN = saved[7].cast<double>(),
+                       .any_converged = ToBool(saved[8]),
+                       .facts = saved[9].cast<std::array<double, kFacts>>()}};
+  } catch (const py::builtin_exception&) {
+  } catch (const py::error_already_set&) {
+  }
+  throw Error("the saved environment is damaged; save it again");
+}
+
+void LoadInto(Navigation& navigation, const py::tuple& saved) {
+  const NavigationState state = ToState(saved);
+  const py::gil_scoped_release free;
+  navigation.Load(state, [interruption = Interruption()]() mutable { interruption.Check(); });
+}
+
+py::tuple PickleTask(const NavigationTask& task) {
+  return py::make_tuple(task.instrument, task.within_mm, task.step_s, task.longest_mm,
+                        task.largest_turn_rad, task.force_limit_mN, task.max_steps, task.pictures,
+                        ToRows(task.route));
+}
+
+std::unique_ptr<Navigation> UnpickleNavigation(const py::tuple& fields) {
+  std::unique_ptr<Navigation> made;
+  try {
+    const auto task = py::type::of<NavigationTask>()(*fields[1].cast<py::tuple>());
+    made = std::make_unique<Navigation>(fields[0].cast<Scene>(), task.cast<NavigationTask>());
+  } catch (const py::builtin_exception&) {
+  } catch (const py::error_already_set&) {
+  }
+  if (made == nullptr || fields.size() != 3 || !py::isinstance<py::tuple>(fields[2])) {
+    throw Error("the pickled environment is damaged; pickle it again");
+  }
+  LoadInto(*made, fields[2].cast<py::tuple>());
+  return made;
+}
+
 // The package checks the arguments of users. Their number is checked here, because a pool reads a
 // fixed number of values.
 void RequireValues(py::ssize_t given, std::size_t wanted, const char* what) {
@@ -38,20 +112,15 @@ void AddNavigation(py::module_& module) {
       .def(py::init([](std::size_t instrument, double within_mm, double step_s, double longest_mm,
                        double largest_turn_rad, double force_limit_mN, int max_steps, bool pictures,
                        const Rows& route) {
-             NavigationTask task{.instrument = instrument,
-                                 .within_mm = within_mm,
-                                 .step_s = step_s,
-                                 .longest_mm = longest_mm,
-                                 .largest_turn_rad = largest_turn_rad,
-                                 .force_limit_mN = force_limit_mN,
-                                 .max_steps = max_steps,
-                                 .pictures = pictures,
-                                 .route = {}};
-             RequireColumns(route, "route", 3);
-             for (py::ssize_t k = 0; k < route.shape(0); ++k) {
-               task.route.push_back({route.at(k, 0), route.at(k, 1), route.at(k, 2)});
-             }
-             return task;
+             return NavigationTask{.instrument = instrument,
+                                   .within_mm = within_mm,
+                                   .step_s = step_s,
+                                   .longest_mm = longest_mm,
+                                   .largest_turn_rad = largest_turn_rad,
+                                   .force_limit_mN = force_limit_mN,
+                                   .max_steps = max_steps,
+                                   .pictures = pictures,
+                                   .route = ToPoints(route)};
            }),
            py::arg("instrument"), py::arg("within_mm"), py::arg("step_s"), py::arg("longest_mm"),
            py::arg("largest_turn_rad"), py::arg("force_limit_mN"), py::arg("max_steps"),
@@ -61,11 +130,28 @@ void AddNavigation(py::module_& module) {
       .def(py::init<const Scene&, NavigationTask>(), py::arg("scene"), py::arg("task"), NoGil())
       .def(
           "reset",
-          [](Navigation& self, double rotation_rad) {
-            self.Reset(rotation_rad, EndsAtInterruption());
+          [](Navigation& self, double rotation_rad, const std::optional<Rows>& route) {
+            const NavigationStart start = ToStart(rotation_rad, route);
+            const py::gil_scoped_release free;
+            self.Reset(start, EndsAtInterruption());
           },
-          py::arg("rotation_rad"), NoGil())
-      .def_static("check_rotation", &Navigation::CheckRotation, py::arg("rotation_rad"))
+          py::arg("rotation_rad"), py::arg("route") = py::none())
+      .def_static(
+          "check_rotation",
+          [](double rotation_rad) { Navigation::CheckStart({.rotation_rad = rotation_rad}); },
+          py::arg("rotation_rad"))
+      .def(py::pickle(
+          [](Navigation& self) {
+            return py::make_tuple(self.simulation().scene(), PickleTask(self.task()),
+                                  ToTuple(self.Save()));
+          },
+          &UnpickleNavigation))
+      .def(
+          "__deepcopy__",
+          [](const Navigation& self, const py::object& /*memo*/) {
+            return std::make_unique<Navigation>(self);
+          },
+          py::arg("memo"))
       .def(
           "step",
           [](Navigation& self, const Actions& action) {
@@ -92,22 +178,44 @@ void AddNavigation(py::module_& module) {
                                          "Environments that run in threads.")
       .def(py::init([](const Scene& scene, const NavigationTask& task, std::size_t count,
                        std::size_t threads, py::array_t<double, py::array::c_style>& facts,
-                       py::array& observations) {
+                       std::optional<py::array_t<float, py::array::c_style>>& vectors,
+                       std::optional<py::array_t<std::uint8_t, py::array::c_style>>& pictures) {
              NavigationBuffers buffers;
              buffers.facts = facts.mutable_data();
-             if (observations.dtype().kind() == 'f') {
-               buffers.vectors = static_cast<float*>(observations.mutable_data());
-             } else {
-               buffers.pictures = static_cast<std::uint8_t*>(observations.mutable_data());
-               buffers.picture_bytes = static_cast<std::size_t>(observations.nbytes()) / count;
+             if (vectors) buffers.vectors = vectors->mutable_data();
+             if (pictures) {
+               buffers.pictures = pictures->mutable_data();
+               buffers.picture_bytes = static_cast<std::size_t>(pictures->nbytes()) / count;
              }
              const py::gil_scoped_release free;
              return PoolHolder(new NavigationPool(scene, task, count, threads, buffers));
            }),
            py::arg("scene"), py::arg("task"), py::arg("count"), py::arg("threads"),
-           py::arg("facts"), py::arg("observations"), py::keep_alive<1, 6>(),
-           py::keep_alive<1, 7>())
-      .def("reset", &NavigationPool::Reset, py::arg("index"), py::arg("rotation_rad"))
+           py::arg("facts"), py::arg("vectors"), py::arg("pictures"), py::keep_alive<1, 6>(),
+           py::keep_alive<1, 7>(), py::keep_alive<1, 8>())
+      .def(
+          "reset",
+          [](NavigationPool& self, std::size_t index, double rotation_rad,
+             const std::optional<Rows>& route) { self.Reset(index, ToStart(rotation_rad, route)); },
+          py::arg("index"), py::arg("rotation_rad"), py::arg("route") = py::none())
+      .def(
+          "save",
+          [](NavigationPool& self, std::size_t index) {
+            return ToTuple(self.environment(index).Save());
+          },
+          py::arg("index"))
+      .def(
+          "load",
+          [](NavigationPool& self, std::size_t index, const py::tuple& saved) {
+            LoadInto(self.environment(index), saved);
+          },
+          py::arg("index"), py::arg("saved"))
+      .def(
+          "simulation",
+          [](NavigationPool& self, std::size_t index) -> Simulation& {
+            return self.environment(index).simulation();
+          },
+          py::arg("index"), py::return_value_policy::reference_internal)
       .def(
           "step",
           [](NavigationPool& self, const Indices& indices, const Actions& actions) {
@@ -123,7 +231,10 @@ void AddNavigation(py::module_& module) {
             }
           },
           py::arg("indices"), py::arg("actions"))
-      .def("check_rotation", &NavigationPool::CheckRotation, py::arg("rotation_rad"))
+      .def_static(
+          "check_rotation",
+          [](double rotation_rad) { NavigationPool::CheckStart({.rotation_rad = rotation_rad}); },
+          py::arg("rotation_rad"))
       .def(
           "wait",
           [](NavigationPool& self, std::size_t count) {

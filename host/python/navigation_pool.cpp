@@ -41,18 +41,18 @@ void NavigationPool::Add(Job job) {
   jobs_change_.notify_one();
 }
 
-void NavigationPool::Reset(std::size_t index, double rotation_rad) {
-  Add({.index = index, .rotation_rad = rotation_rad, .action = {}});
+void NavigationPool::Reset(std::size_t index, NavigationStart start) {
+  Add({.index = index, .start = std::move(start), .action = {}});
 }
 
 void NavigationPool::Step(std::size_t index, std::vector<double> action) {
-  Add({.index = index, .rotation_rad = 0, .action = std::move(action)});
+  Add({.index = index, .start = {}, .action = std::move(action)});
 }
 
 void NavigationPool::Do(const Job& job) {
   Navigation& environment = *environments_[job.index];
   if (job.action.empty()) {
-    environment.Reset(job.rotation_rad);
+    environment.Reset(job.start);
   } else {
     environment.Step(job.action.data());
   }
@@ -61,8 +61,8 @@ void NavigationPool::Do(const Job& job) {
   }
   if (buffers_.vectors != nullptr) {
     environment.Observe(buffers_.vectors + job.index * environment.vector_size());
-    return;
   }
+  if (buffers_.pictures == nullptr) return;
   const Picture& picture = environment.TakePicture();
   std::memcpy(buffers_.pictures + job.index * buffers_.picture_bytes, picture.gray.data(),
               std::min(buffers_.picture_bytes, picture.gray.size()));

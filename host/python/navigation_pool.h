@@ -21,8 +21,8 @@ namespace torquer::python {
 
 /// Output of the environments: one row for each.
 struct NavigationBuffers {
-  float* vectors = nullptr;          ///< null: pictures are observed
-  std::uint8_t* pictures = nullptr;  ///< null: vectors are observed
+  float* vectors = nullptr;          ///< null: not observed
+  std::uint8_t* pictures = nullptr;  ///< null: not observed
   std::size_t picture_bytes = 0;
   double* facts = nullptr;  ///< kFacts rows with one value for each environment
 };
@@ -40,8 +40,10 @@ class NavigationPool {
   std::size_t count() const { return environments_.size(); }
   std::size_t action_size() const { return environments_.front()->action_size(); }
 
+  /// An environment, which must not be at work.
+  Navigation& environment(std::size_t index) { return *environments_.at(index); }
   /// Starts the reset of an environment, which must not be at work.
-  void Reset(std::size_t index, double rotation_rad);
+  void Reset(std::size_t index, NavigationStart start);
   /// Starts a step of an environment, which must not be at work.
   void Step(std::size_t index, std::vector<double> action);
   /// Waits until `count` environments at work, or all of them, have finished. Returns them in the
@@ -51,7 +53,7 @@ class NavigationPool {
   std::optional<std::vector<std::size_t>> WaitFor(std::size_t count,
                                                   std::chrono::milliseconds longest);
   /// Throws for arguments that Reset and Step refuse, before any environment begins.
-  void CheckRotation(double rotation_rad) const { Navigation::CheckRotation(rotation_rad); }
+  static void CheckStart(const NavigationStart& start) { Navigation::CheckStart(start); }
   void CheckAction(const double* action) const { environments_.front()->CheckAction(action); }
   /// True in a forked child of the process that has the threads.
   bool forked() const { return getpid() != process_; }
@@ -61,7 +63,7 @@ class NavigationPool {
  private:
   struct Job {
     std::size_t index = 0;
-    double rotation_rad = 0;
+    NavigationStart start;
     std::vector<double> action;  // empty: a reset
   };
 

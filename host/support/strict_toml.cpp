@@ -13,6 +13,7 @@
 #include "host/support/error.h"
 #include "host/support/input_file.h"
 #include "host/support/nearest_name.h"
+#include "host/support/toml_values.h"
 
 namespace torquer {
 
@@ -151,10 +152,17 @@ StrictTable StrictTable::Read(const std::string& path) {
 }
 
 StrictTable StrictTable::Parse(const std::string& text, const std::string& path) {
+  return Parse(text, path, {});
+}
+
+StrictTable StrictTable::Parse(const std::string& text, const std::string& path,
+                               const TomlValues& values) {
   CheckDepth(text, path);
   auto impl = std::make_unique<Impl>();
   try {
-    impl->root = std::make_shared<const toml::table>(toml::parse(text, path));
+    auto root = std::make_shared<toml::table>(toml::parse(text, path));
+    SetValues(values, path, *root);
+    impl->root = std::move(root);
   } catch (const toml::parse_error& error) {
     throw UserError(fmt::format("{}:{}: not valid TOML: {}; correct the syntax", path,
                                 error.source().begin.line, error.description()));

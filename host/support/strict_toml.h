@@ -2,13 +2,26 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 namespace torquer {
+
+/// Value for a key, in place of the one in a file. std::monostate removes the key.
+using TomlValue =
+    std::variant<std::monostate, bool, std::int64_t, double, std::string, std::vector<double>,
+                 std::vector<std::string>, std::vector<std::array<double, 3>>>;
+/// Full keys with their values, in the order in which they are set. A list of tables is followed by
+/// the `name` of one: "instrument.guidewire.radius_mm". For "effects.NAME", true adds an empty
+/// table and false removes the table.
+using TomlValues = std::vector<std::pair<std::string, TomlValue>>;
 
 /// Places of a table's keys in the file, for errors found after the file is closed.
 class TableOrigin {
@@ -47,6 +60,10 @@ class StrictTable {
   static StrictTable Read(const std::string& path);
   /// Reads a text; `path` is for messages.
   static StrictTable Parse(const std::string& text, const std::string& path);
+  /// The same, with `values` in place of those in the text. Throws UserError that names a key which
+  /// cannot be set, and the remedy.
+  static StrictTable Parse(const std::string& text, const std::string& path,
+                           const TomlValues& values);
 
   StrictTable(StrictTable&&) noexcept;
   StrictTable& operator=(StrictTable&&) noexcept;

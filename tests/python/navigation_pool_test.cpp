@@ -74,7 +74,8 @@ TEST_CASE("Environments in threads do what they do in one, whoever is waited for
   Side alone(scene, task), side(scene, task);
   {
     NavigationPool one(scene, task, kEnvironments, 1, alone.buffers());
-    for (std::size_t k = 0; k < kEnvironments; ++k) one.Reset(k, 0.1 * static_cast<double>(k));
+    for (std::size_t k = 0; k < kEnvironments; ++k)
+      one.Reset(k, {.rotation_rad = 0.1 * static_cast<double>(k)});
     one.Wait(kEnvironments);
     for (int step = 0; step < kSteps; ++step) {
       for (std::size_t k = 0; k < kEnvironments; ++k) {
@@ -84,7 +85,8 @@ TEST_CASE("Environments in threads do what they do in one, whoever is waited for
     }
   }
   NavigationPool many(scene, task, kEnvironments, 4, side.buffers());
-  for (std::size_t k = 0; k < kEnvironments; ++k) many.Reset(k, 0.1 * static_cast<double>(k));
+  for (std::size_t k = 0; k < kEnvironments; ++k)
+    many.Reset(k, {.rotation_rad = 0.1 * static_cast<double>(k)});
   std::vector<int> steps(kEnvironments, 0);
   std::size_t finished = 0;
   // The first finished environment continues at once while the others still work.
@@ -107,7 +109,7 @@ TEST_CASE("Environments in threads do what they do in one, whoever is waited for
 TEST_CASE("A number that is none is refused by an environment, and changes nothing") {
   const Scene scene = TwoBranches();
   Navigation environment(scene, IntoTheSide(scene));
-  environment.Reset(0.5);
+  environment.Reset({.rotation_rad = 0.5});
   const auto facts = environment.facts();
   const std::uint64_t here = environment.simulation().state_hash();
   for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
@@ -115,7 +117,7 @@ TEST_CASE("A number that is none is refused by an environment, and changes nothi
     const double turn[] = {0, bad};
     CHECK_THROWS_AS(environment.Step(feed), Error);
     CHECK_THROWS_AS(environment.Step(turn), Error);
-    CHECK_THROWS_AS(environment.Reset(bad), Error);
+    CHECK_THROWS_AS(environment.Reset({.rotation_rad = bad}), Error);
     NavigationTask task = IntoTheSide(scene);
     task.step_s = bad;
     CHECK_THROWS_AS(Navigation(scene, task), Error);
@@ -130,7 +132,7 @@ TEST_CASE("A pool ends while its environments are at work") {
   Side side(scene, task);
   for (int k = 0; k < 5; ++k) {
     NavigationPool pool(scene, task, kEnvironments, 3, side.buffers());
-    for (std::size_t i = 0; i < kEnvironments; ++i) pool.Reset(i, 0);
+    for (std::size_t i = 0; i < kEnvironments; ++i) pool.Reset(i, {});
     pool.Wait(static_cast<std::size_t>(k));
   }
 }
@@ -146,7 +148,7 @@ TEST_CASE("An exception of an environment reaches the waiting caller") {
   buffers.picture_bytes = 1;
   NavigationPool pool(scene, IntoTheSide(scene), kEnvironments, 3, buffers);
   for (int again = 0; again < 2; ++again) {
-    for (std::size_t k = 0; k < kEnvironments; ++k) pool.Reset(k, 0);
+    for (std::size_t k = 0; k < kEnvironments; ++k) pool.Reset(k, {});
     CHECK_THROWS_AS(pool.Wait(kEnvironments), Error);
     CHECK(pool.at_work() == 0);
   }

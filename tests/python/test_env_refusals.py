@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 import torquer
 import torquer.envs
-from torquer._navigation import with_keys
 
 
 def test_safety_is_not_known_where_no_step_converged():
-    whole = torquer.Scene(torquer.scene_path("ty_phantom"))
-    text = with_keys(whole.text, "relaxation", {"budget_units": 4})
-    scene = torquer.Scene.from_text(text, whole.folder)
+    scene = torquer.Scene("ty_phantom").with_values({"relaxation.budget_units": 4})
     task = torquer.envs.Task("main", 140.0, force_limit_mN=1e6, tolerance=1e-10)
     env = torquer.envs.NavigationEnv(scene, task)
     many = torquer.envs.VectorEnv(scene, 1, task=task)
@@ -61,11 +58,11 @@ def test_single_and_vector_refuse_the_same_steps():
 def test_single_and_vector_refuse_unknown_options():
     env = torquer.envs.make("ty_phantom")
     many = torquer.envs.make_vec("ty_phantom", 2)
-    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad"):
+    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad, target"):
         env.reset(options={"rotation": 1.0})
-    with pytest.raises(torquer.Error, match="'reset_mask'; give only rotation_rad"):
+    with pytest.raises(torquer.Error, match="'reset_mask'; give only rotation_rad, target"):
         env.reset(options={"reset_mask": np.array([True])})
-    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad, reset_mask"):
+    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad, target, reset_mask"):
         many.reset(options={"rotation": 1.0})
     with pytest.raises(torquer.Error, match="without reset_mask first"):
         many.reset(options={"reset_mask": np.array([True, False])})

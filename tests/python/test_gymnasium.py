@@ -31,7 +31,7 @@ class Box:
         self.high = np.broadcast_to(np.asarray(high, dtype), self.shape)
 
 vector = types.SimpleNamespace(VectorEnv=VectorEnv)
-spaces = types.SimpleNamespace(Box=Box)
+spaces = types.SimpleNamespace(Box=Box, Dict=dict)
 registry = {}
 
 def register(id, **keys):

@@ -1,7 +1,10 @@
 """Scenes, simulations and reports as Python objects: how they are made, copied and shown."""
 
 import copy
+import pickle
+import tomllib
 
+import numpy as np
 import pytest
 import torquer
 
@@ -48,3 +51,30 @@ def test_objects_show_their_contents(phantom):
     imaging = torquer.Imaging("plain", magnification=2, left=0.1)
     assert repr(eval(repr(imaging), {"Imaging": torquer.Imaging})) == repr(imaging)
     assert "left=0.1" in repr(imaging)
+
+
+def test_a_scene_with_values_of_python(phantom):
+    scene = phantom.with_values({"effects.friction.coefficient": 0.2})
+    assert "coefficient = 0.2" in scene.text and "coefficient = 0.1" in phantom.text
+    values = {
+        "instrument.guidewire.from_tip_mm": np.array([0, 40]),
+        "instrument.guidewire.rigidity_N_mm2": (0.01, np.float32(0.5)),
+        "relaxation.budget_units": np.int64(7),
+        "entry.at_mm": np.float32(2),
+        "effects.friction": np.bool_(False),
+        "effects.internal_forces": True,
+        "case": None,
+    }
+    other = phantom.with_values(values)
+    assert other.effects == ["internal_forces"] and "[case]" not in other.text
+    table = tomllib.loads(other.text)
+    assert table["relaxation"] == {"budget_units": 7} and table["entry"]["at_mm"] == 2
+    assert table["instrument"][0]["from_tip_mm"] == [0, 40] and table["instrument"][0]["rigidity_N_mm2"] == [0.01, 0.5]
+    assert pickle.loads(pickle.dumps(other)).content_hash == other.content_hash
+    for bad in (object(), [1, "a"], [[1, 2]], {"a": 1}, 2**70, []):
+        with pytest.raises(torquer.Error, match="relaxation.budget_units"):
+            phantom.with_values({"relaxation.budget_units": bad})
+    with pytest.raises(torquer.Error, match="a key of values is 7; give a text"):
+        phantom.with_values({7: 1})
+    with pytest.raises(torquer.Error, match=r"mine\.toml:4: vessel.kind"):
+        torquer.Scene.from_text('name = "x"\n\n[vessel]\nkind = "sponge"\n', path="mine.toml")

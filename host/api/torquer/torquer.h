@@ -23,6 +23,8 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #if defined(__GNUC__)
@@ -35,6 +37,10 @@ namespace torquer {
 
 /// Version of the library, such as "0.1.0".
 TORQUER_API const char* Version();
+
+/// Identity of the library's build: two builds of the same code have the same. Another build may
+/// find other states.
+TORQUER_API std::string Build();
 
 /// Error of all calls here: an argument or a file cannot be used. what() names the file, line or
 /// field, the value and the remedy. A call that throws it has changed nothing.
@@ -84,21 +90,36 @@ struct TORQUER_API Surface {
                                const std::string& name, const std::string& mesh_unit);
 };
 
+/// Value for a key of a scene: true or false, a number, a text, or a list. std::monostate removes
+/// the key, so that its default is valid.
+using Value = std::variant<std::monostate, bool, std::int64_t, double, std::string,
+                           std::vector<double>, std::vector<std::string>, std::vector<Point>>;
+/// Full keys of a scene with their values, set in this order. Examples of keys are
+/// "effects.friction.coefficient" and, for the instrument of that name,
+/// "instrument.guidewire.radius_mm". For "effects.NAME", true adds the effect with its defaults,
+/// and false removes it.
+using Values = std::vector<std::pair<std::string, Value>>;
+
 /// Checked contents of a scene file, with its vessel. Copies are cheap and share the data.
 class TORQUER_API Scene {
  public:
   /// Reads a scene file, or a scene of Torquer by its name, and opens the files that it names.
   /// Takes seconds for a large surface, less if an earlier run has cached its field.
   static Scene FromFile(const std::string& path);
-  /// Reads the text of a scene file; `folder` is the base of relative paths.
-  static Scene FromText(const std::string& toml, const std::string& folder);
+  /// Reads the text of a scene file; `folder` is the base of relative paths. Messages name `path`
+  /// as its file.
+  static Scene FromText(const std::string& toml, const std::string& folder,
+                        const std::string& path = "scene");
+  /// The scene with other values of some keys. Messages about the other keys have the lines of the
+  /// file. Shares the vessel unless a key of it changes, so it takes milliseconds.
+  Scene With(const Values& values) const;
 
   Scene(const Scene&);
   Scene& operator=(const Scene&);
   ~Scene();
 
   const std::string& name() const;
-  /// Path of the file; "scene" if the scene was read from a text.
+  /// Path of the file, or that given to FromText.
   const std::string& path() const;
   /// Text of a scene file without the keys that have their default. FromText makes the scene again
   /// from text() and folder().
@@ -229,6 +250,15 @@ class TORQUER_API Simulation {
   Simulation(Simulation&&) noexcept;
   Simulation& operator=(Simulation&&) noexcept;
   ~Simulation();
+
+  /// Bytes from which Load makes this simulation again. They have the commands since the start.
+  std::string Save() const;
+  /// Makes a saved simulation again, by repeating its commands. `scene` has the contents of the
+  /// saved one's. The result continues as the saved one does, bit for bit; this is checked by the
+  /// hash of the state. `after_tick` is called after each tick, and ends the work if it throws.
+  /// Refuses damaged bytes, and those of another Build().
+  static Simulation Load(const Scene& scene, const std::string& saved,
+                         const std::function<void()>& after_tick = {});
 
   const Scene& scene() const;
   /// Returns to the start of the scene.

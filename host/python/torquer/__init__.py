@@ -24,6 +24,7 @@ from ._torquer import (
     Simulation,
     StepReport,
     Surface,
+    __build__,
     __version__,
 )
 from .states import States, read_states
@@ -37,6 +38,7 @@ __all__ = [
     "States",
     "StepReport",
     "Surface",
+    "__build__",
     "__version__",
     "read_states",
     "scene_names",

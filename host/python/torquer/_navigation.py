@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
-from typing import Any, Dict, List, Optional, Sequence, Union
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from . import Error, Scene
-from ._spaces import Box
+from . import Error, Scene, Simulation
+from ._spaces import Box, DictSpace
 from ._torquer import Navigation, NavigationTask
 
 
-def with_keys(text: str, section: str, values: Dict[str, Any]) -> str:
-    """Text of a scene with these keys set in a section, which is added if it is missing."""
-    kept: List[str] = []
-    at = ""
-    for line in text.splitlines():
-        if line.startswith("["):
-            at = line
-        if at == f"[{section}]" and re.match(r"(\w+)\s*=", line) and line.split("=")[0].strip() in values:
-            continue
-        kept.append(line)
-    if f"[{section}]" not in kept:
-        kept += ["", f"[{section}]"]
-    index = kept.index(f"[{section}]") + 1
-    kept[index:index] = [f"{key} = {value!r}" for key, value in values.items()]
-    return "\n".join(kept) + "\n"
+Target = Tuple[str, float]
+"""Centerline, and the distance from its start, mm."""
+Observation = Union[str, Sequence[str]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +45,9 @@ class Task:
     """Longest tick while the vessel moves or blood flows; None: that of the scene."""
     picture_px: Optional[int] = None
     """Width and height of pictures, 64 to 1024; None: those of the scene."""
+    other_targets: Tuple[Tuple[Any, ...], ...] = ()
+    """More targets: pairs of a centerline and at_mm, or (centerline, lowest, highest) for a random place
+    between two. Each reset draws one of all targets, with equal probability."""
 
     def for_training(self) -> Task:
         """Task with faster, less accurate steps: see the table in host/python/README.md."""
@@ -68,22 +58,18 @@ class Task:
 
 def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
     """Scene with the settings of a task, and with an observer of the wall's force."""
-    keys: Dict[str, Any] = {"tolerance": task.tolerance}
-    if task.segment_mm is not None:
-        keys["segment_mm"] = float(task.segment_mm)
-    if task.longest_feed_mm is not None:
-        keys["longest_feed_mm"] = float(task.longest_feed_mm)
-    if task.longest_tick_ms is not None:
-        keys["longest_tick_ms"] = float(task.longest_tick_ms)
-    text = with_keys(scene.text, "relaxation", keys)
+    values: Dict[str, Any] = {"relaxation.tolerance": task.tolerance}
+    for key in ("segment_mm", "longest_feed_mm", "longest_tick_ms"):
+        if getattr(task, key) is not None:
+            values[f"relaxation.{key}"] = float(getattr(task, key))
     if "wall_force" not in scene.effects:
-        text = with_keys(text, "effects.wall_force", {"threshold_mN": 100.0})
+        values["effects.wall_force.threshold_mN"] = 100.0
     if sees and "fluoroscopy" not in scene.effects:
         raise Error(f"{scene.name} has no X-ray pictures; add [effects.fluoroscopy]")
     if sees and task.picture_px is not None:
         size = whole("picture_px", task.picture_px, 64, 1024)
-        text = with_keys(text, "effects.fluoroscopy", {"width_px": size, "height_px": size})
-    return Scene.from_text(text, scene.folder)
+        values.update({"effects.fluoroscopy.width_px": size, "effects.fluoroscopy.height_px": size})
+    return scene.with_values(values)
 
 
 def whole(what: str, value: Any, lowest: int, highest: int) -> int:
@@ -93,22 +79,74 @@ def whole(what: str, value: Any, lowest: int, highest: int) -> int:
     raise Error(f"{what} is {value!r}; give a whole number from {lowest} to {highest}")
 
 
+OBSERVATIONS = ("vector", "picture")
+
+
+def parts_of(observation: Observation) -> Tuple[str, ...]:
+    """Names of the parts of an observation."""
+    parts = (observation,) if isinstance(observation, str) else tuple(observation)
+    if not parts or len(set(parts)) < len(parts) or any(part not in OBSERVATIONS for part in parts):
+        raise Error(f"observation is {observation!r}; give 'vector', 'picture', or ('vector', 'picture') for both in a dict")
+    return parts
+
+
+class Targets:
+    """Targets of a task, with the routes to them."""
+
+    def __init__(self, scene: Scene, task: Task) -> None:
+        self._scene = scene
+        self._instrument = task.instrument
+        self.ranges: List[Tuple[str, float, float]] = [(task.centerline, float(task.at_mm), float(task.at_mm))]
+        for given in task.other_targets:
+            name, *at_mm = given if isinstance(given, (tuple, list)) else (given,)
+            good = isinstance(name, str) and len(at_mm) in (1, 2) and all(isinstance(at, (int, float)) for at in at_mm)
+            if not good or not at_mm[0] <= at_mm[-1]:
+                raise Error(f"other_targets has {given!r}; give (centerline, at_mm) or (centerline, lowest, highest)")
+            self.ranges.append((name, float(at_mm[0]), float(at_mm[-1])))
+        # The ends of all ranges must be in the vessel.
+        self.ends = [self.route((name, at)) for name, low, high in self.ranges for at in {low, high}]
+
+    def route(self, target: Target) -> npt.NDArray[np.float64]:
+        return self._scene.route_mm(target[0], target[1], 1.0, self._instrument)
+
+    def draw(self, random: np.random.Generator, chosen: Optional[Target]) -> Target:
+        """Target of an episode. Draws nothing if there is only one."""
+        if chosen is not None:
+            return chosen
+        if len(self.ranges) == 1 and self.ranges[0][1] == self.ranges[0][2]:
+            return self.ranges[0][:2]
+        name, low, high = self.ranges[random.integers(len(self.ranges))]
+        return name, float(random.uniform(low, high))
+
+    def chosen(self, options: Dict[str, Any]) -> Optional[Target]:
+        """Target in the options, or None."""
+        given = options.get("target")
+        if given is None:
+            return None
+        for name, low, high in self.ranges:
+            if isinstance(given, (tuple, list)) and len(given) == 2 and given[0] == name and low <= given[1] <= high:
+                return name, float(given[1])
+        known = ", ".join(f"({name!r}, {low:g})" if low == high else f"({name!r}, {low:g} to {high:g})" for name, low, high in self.ranges)
+        raise Error(f"target is {given!r}; give a centerline and at_mm of the task's targets: {known}")
+
+
 class Prepared:
     """Common parts of a single environment and a vector of them."""
 
-    def __init__(self, scene: Union[Scene, str], task: Task, observation: str, sees: bool) -> None:
-        if observation not in ("vector", "picture"):
-            raise Error(f"observation is {observation!r}; give 'vector' or 'picture'")
+    def __init__(self, scene: Union[Scene, str], task: Task, observation: Observation, sees: bool) -> None:
+        self.parts = parts_of(observation)
+        self.is_dict = not isinstance(observation, str)
         given = scene if isinstance(scene, Scene) else Scene(scene)
         count = len(given.instruments)
         whole("instrument", task.instrument, 0, count - 1)
         whole("max_steps", task.max_steps, 1, 2**31 - 1)
         # Without X-ray, a view of the wire in the vessel is rendered.
-        sees = observation == "picture" or (sees and "fluoroscopy" in given.effects)
+        sees = "picture" in self.parts or (sees and "fluoroscopy" in given.effects)
         self.sees = sees
         self.scene = _scene_of(given, task, sees)
         self.instrument = task.instrument
-        self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0, task.instrument)
+        self.targets = Targets(self.scene, task)
+        self.route = self.targets.route((task.centerline, task.at_mm))
         self.task = NavigationTask(
             instrument=task.instrument,
             within_mm=task.within_mm,
@@ -124,13 +162,19 @@ class Prepared:
         self.action_size = 2 * count
         self.vector_size = len(self.navigation.observe())
 
-    def observation_space(self, observation: str) -> Any:
-        if observation == "vector":
+    def observation_space(self) -> Any:
+        spaces = {part: self._space(part) for part in self.parts}
+        return DictSpace(spaces) if self.is_dict else spaces[self.parts[0]]
+
+    def _space(self, part: str) -> Any:
+        if part == "vector":
             # No point of a wire is farther from the entry than the wire's length.
             longest_mm = [one.max_length_mm for one in self.scene.instruments]
             entry_mm = self.navigation.simulation.instrument_nodes_mm(self.instrument)[:1]
-            steps_mm = np.diff(self.route, axis=0, prepend=entry_mm)
-            far_mm = 2 * max(longest_mm) + np.linalg.norm(steps_mm, axis=1).sum()
+            ways_mm = [
+                np.linalg.norm(np.diff(route, axis=0, prepend=entry_mm), axis=1).sum() for route in self.targets.ends
+            ]
+            far_mm = 2 * max(longest_mm) + max(ways_mm)
             turns = [1.0] * 2 * len(longest_mm)
             points = [far_mm] * (self.vector_size - len(longest_mm) - len(turns))
             high = np.array([*points, *longest_mm, *turns], np.float32)
@@ -182,4 +226,50 @@ def generator(seed: Optional[int]) -> np.random.Generator:
     return np.random.default_rng(None if seed is None else whole("seed", seed, 0, 2**63 - 1))
 
 
+# Tasks in the scenes that Torquer ships.
+TASKS: Dict[str, Task] = {
+    "ty_phantom": Task("side", 40.0),
+    "neuro_arch": Task("lcca", 60.0),
+    "coronary": Task("lad", 60.0, within_mm=2.0),
+}
+
+
+def task_of(name: str, task: Optional[Task]) -> Task:
+    if name not in TASKS:
+        raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}")
+    return TASKS[name] if task is None else task
+
+
+@dataclasses.dataclass(frozen=True)
+class Moment:
+    """Argument of a reward and of an end that a user gives: the state after a step."""
+
+    simulation: Simulation
+    info: Dict[str, Any]
+    """As `info` of a single environment."""
+    reward: float
+    """Reward of the environment itself."""
+
+
+Reward = Callable[[Moment], float]
+End = Callable[[Moment], bool]
+
+
+def rewarded(moment: Moment, reward: Optional[Reward], end: Optional[End]) -> Tuple[float, bool]:
+    """Reward of a step, and True if the user's end is reached."""
+    given = moment.reward if reward is None else float(reward(moment))
+    if not math.isfinite(given):
+        raise Error(f"the reward is {given}; return a finite number")
+    return given, end is not None and bool(end(moment))
+
+
 INFO = ("success", "safe_success", "wall_force_mN", "path_mm", "remaining_mm", "time_s")
+
+
+def info_of(facts: Sequence[float], target: Target) -> Dict[str, Any]:
+    """`info` of one environment."""
+    info: Dict[str, Any] = dict(zip(INFO, facts[3:]))
+    info["success"] = facts[3] != 0
+    info["safe_success"] = None if math.isnan(facts[4]) else facts[4] != 0
+    info["target"], info["target_at_mm"] = target
+    return info

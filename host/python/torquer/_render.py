@@ -28,7 +28,7 @@ class WireView:
     radius. It is that of the vessel at rest.
     """
 
-    def __init__(self, scene: Scene, target_mm: npt.ArrayLike) -> None:
+    def __init__(self, scene: Scene) -> None:
         low, high = scene.bounds_mm
         longest = "+" + "xyz"[int(np.argmax(high - low))]
         superior = tomllib.loads(scene.text).get("patient_axes", {}).get("superior", longest)
@@ -48,12 +48,12 @@ class WireView:
             radii = np.maximum(scene.clearance_mm(points_mm) * self._px_per_mm, 0)
             for (row, column), radius in zip(self._pixels(points_mm), radii):
                 self._disk(self._background, row, column, float(radius), _LUMEN)
-        target = self._pixels(np.atleast_2d(np.asarray(target_mm, float)))[0]
-        self._disk(self._background, int(target[0]), int(target[1]), 4.0, _TARGET)
 
-    def draw(self, simulation: Simulation) -> Picture:
-        """Picture of the present state, shape (height, width, 3)."""
+    def draw(self, simulation: Simulation, target_mm: npt.ArrayLike) -> Picture:
+        """Picture of the present state, shape (height, width, 3), with the target."""
         picture = self._background.copy()
+        target = self._pixels(np.atleast_2d(np.asarray(target_mm, float)))[0]
+        self._disk(picture, int(target[0]), int(target[1]), 4.0, _TARGET)
         # The innermost instrument is drawn last.
         for index in reversed(range(len(simulation.scene.instruments))):
             color = _INSTRUMENTS[index % len(_INSTRUMENTS)]

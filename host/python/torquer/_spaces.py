@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ try:
     Env: Any = gymnasium.Env
     VectorEnv: Any = gymnasium.vector.VectorEnv
     Box: Any = gymnasium.spaces.Box
+    DictSpace: Any = gymnasium.spaces.Dict
 except ImportError:
     gymnasium = None
 
@@ -47,6 +48,24 @@ except ImportError:
                 and (x <= self.high).all()
             )
 
+    class _PlainDict(Dict[str, Any]):
+        """Part of gymnasium.spaces.Dict that the environments and simple agents use."""
+
+        @property
+        def spaces(self) -> Dict[str, Any]:
+            return self
+
+        def seed(self, seed: Optional[int] = None) -> None:
+            for space in self.values():
+                space.seed(seed)
+
+        def sample(self) -> Dict[str, Any]:
+            return {name: space.sample() for name, space in self.items()}
+
+        def contains(self, x: Any) -> bool:
+            return isinstance(x, dict) and x.keys() == self.keys() and all(self[name].contains(x[name]) for name in self)
+
     Env = object
     VectorEnv = object
     Box = _PlainBox
+    DictSpace = _PlainDict

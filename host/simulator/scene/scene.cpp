@@ -33,6 +33,13 @@ const effects::EffectKind& KindOf(const EffectSpec& spec) {
   throw UserError("effects." + spec.name + ": there is no such effect");
 }
 
+// Keys of a vessel that decide its field, and the base of their paths.
+std::string SourceOf(const SceneSpec& spec) {
+  TomlWriter out;
+  KindOf(spec.vessel).keys.write(spec.vessel.keys, out);
+  return spec.vessel.kind + '\n' + spec.folder.string() + '\n' + out.Text();
+}
+
 Vector3d UnitVector(PatientAxesSpec::Direction direction) {
   const int k = static_cast<int>(direction);
   return (k % 2 == 0 ? 1 : -1) * Vector3d::Unit(k / 2);
@@ -42,12 +49,28 @@ Vector3d UnitVector(PatientAxesSpec::Direction direction) {
 
 Scene::Scene(SceneSpec spec) : spec_(std::move(spec)) {
   vessel_ = KindOf(spec_.vessel).build(spec_.vessel.keys, spec_.folder);
+  HashFiles();
+  Build();
+  HashContent();
+}
+
+Scene::Scene(SceneSpec spec, const Scene& other) : spec_(std::move(spec)) {
+  if (SourceOf(spec_) == SourceOf(other.spec_)) {
+    vessel_ = other.vessel_;
+    files_hash_ = other.files_hash_;
+  } else {
+    vessel_ = KindOf(spec_.vessel).build(spec_.vessel.keys, spec_.folder);
+    HashFiles();
+  }
   Build();
   HashContent();
 }
 
 Scene::Scene(Twin twin)
-    : spec_(twin.of.spec_), vessel_(twin.of.vessel_), content_hash_(twin.of.content_hash_) {
+    : spec_(twin.of.spec_),
+      vessel_(twin.of.vessel_),
+      files_hash_(twin.of.files_hash_),
+      content_hash_(twin.of.content_hash_) {
   Build();
 }
 
@@ -244,6 +267,13 @@ void Scene::MakeEffect(const EffectSpec& spec) {
   }
 }
 
+void Scene::HashFiles() {
+  std::uint64_t hash = Fnv1a("");
+  for (const std::string& contents : vessel_.contents) hash = Fnv1a(contents, hash);
+  if (!vessel_.contents.empty()) files_hash_ = Hex(hash);
+  vessel_.contents = {};
+}
+
 void Scene::HashContent() {
   SceneSpec simulated = spec_;
   simulated.training_case.reset();
@@ -255,10 +285,7 @@ void Scene::HashContent() {
     InstrumentKeys().Write(instrument, out);
     content_hash_ = Fnv1a(out.Text(), content_hash_);
   }
-  for (const std::string& contents : vessel_.contents) {
-    content_hash_ = Fnv1a(contents, content_hash_);
-  }
-  vessel_.contents = {};
+  content_hash_ = Fnv1a(files_hash_, content_hash_);
 }
 
 std::vector<std::string> Scene::effect_names() const {

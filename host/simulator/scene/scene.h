@@ -32,6 +32,9 @@ class Scene {
   explicit Scene(SceneSpec spec);
   /// Reads the spec with ReadScene(path) first.
   explicit Scene(const std::string& path) : Scene(ReadScene(path)) {}
+  /// Builds a scene of `spec`. It shares the vessel and the field of `other` if both have the same
+  /// keys of the vessel, apart from its stiffness. Otherwise it opens the files, as above.
+  Scene(SceneSpec spec, const Scene& other);
   /// Builds another scene of the same spec, which shares this scene's vessel and field. Both may be
   /// simulated at the same time in different threads.
   std::unique_ptr<Scene> MakeTwin() const;
@@ -67,8 +70,8 @@ class Scene {
   const std::vector<std::string>& names_of_effects() const { return names_of_effects_; }
   /// Field of the moving vessel; null if the vessel does not move.
   vessel::MovingField* moving_field() { return moving_.get(); }
-  /// FNV-1a of the spec as WriteScene writes it, without [case]. It includes the devices' values
-  /// and the parsed bytes of the vessel's files.
+  /// FNV-1a of the spec as WriteScene writes it, without [case]. It includes the devices' values,
+  /// and the hash of the parsed bytes of the vessel's files.
   std::uint64_t content_hash() const { return content_hash_; }
 
   /// Makes a relaxation with this scene's method, wall and effects. Use one at a time, because
@@ -99,6 +102,7 @@ class Scene {
   void LayBeside(Clearance& clearance) const;
   void SetRelaxation();
   void MakeEffect(const EffectSpec& spec);
+  void HashFiles();
   void HashContent();
 
   SceneSpec spec_;
@@ -116,6 +120,7 @@ class Scene {
   std::vector<std::string> names_of_effects_;
   std::vector<EnergyTerm*> terms_;  // of the newest relaxation, which refers to this list
   std::unique_ptr<vessel::MovingField> moving_;
+  std::string files_hash_;  // of the vessel's files; "" without any
   std::uint64_t content_hash_ = 0;
 };
 

@@ -15,6 +15,7 @@
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/vessel/vessel.h"
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 #include "host/support/installed.h"
 #include "host/support/nearest_name.h"
 
@@ -273,11 +274,15 @@ void CheckInstruments(const SceneSpec& spec) {
   }
 }
 
-SceneSpec Read(StrictTable file, const std::string& path, std::filesystem::path folder) {
+SceneSpec Read(const std::string& text, const TomlValues& values, const std::string& path,
+               std::filesystem::path folder) {
+  StrictTable file = StrictTable::Parse(text, path, values);
   SceneSpec spec;
   spec.origin = file.Origin();
   spec.path = path;
   spec.folder = std::move(folder);
+  spec.text = text;
+  spec.values = values;
   spec.name = NameKeys().Read(file).name;
   if (StrictTable* table = file.OptionalTable("case")) spec.training_case = CaseKeys().Read(*table);
   spec.vessel = ReadVessel(file.Table("vessel"));
@@ -329,12 +334,19 @@ std::string ScenePath(const std::string& given) {
 
 SceneSpec ReadScene(const std::string& given) {
   const std::string path = ScenePath(given);
-  return Read(StrictTable::Read(path), path, std::filesystem::path(path).parent_path());
+  return Read(ReadInputFile(path, "check the path and its permissions"), {}, path,
+              std::filesystem::path(path).parent_path());
 }
 
 SceneSpec ParseScene(const std::string& text, const std::string& path,
                      const std::filesystem::path& folder) {
-  return Read(StrictTable::Parse(text, path), path, folder);
+  return Read(text, {}, path, folder);
+}
+
+SceneSpec With(const SceneSpec& spec, const TomlValues& values) {
+  TomlValues all = spec.values;
+  all.insert(all.end(), values.begin(), values.end());
+  return Read(spec.text, all, spec.path, spec.folder);
 }
 
 std::string WriteScene(const SceneSpec& spec) {

@@ -83,6 +83,8 @@ struct SceneSpec : TableSpec {
   std::vector<InstrumentSpec> instruments;  ///< the innermost first
   RelaxationSpec relaxation;
   std::vector<EffectSpec> effects;  ///< in the order of construction
+  std::string text;                 ///< contents of the file
+  TomlValues values;                ///< set in place of those in the text
 
   bool Has(const std::string& effect) const;
 };
@@ -97,6 +99,9 @@ SceneSpec ReadScene(const std::string& given);
 /// Reads a scene from text. `path` is for messages; `folder` is the base of relative paths.
 SceneSpec ParseScene(const std::string& text, const std::string& path,
                      const std::filesystem::path& folder);
+/// The scene of `spec` with other values of some keys; see TomlValues. Throws UserError. Messages
+/// about the other keys have the lines of the file.
+SceneSpec With(const SceneSpec& spec, const TomlValues& values);
 /// Text of a scene file: the required keys, and the keys that differ from their defaults.
 std::string WriteScene(const SceneSpec& spec);
 

@@ -3,7 +3,6 @@
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.accuracy_against_time [PICTURE]
 """
 
-import pathlib
 import sys
 import time
 
@@ -14,9 +13,8 @@ import torquer
 
 def push(segment_mm):
     """Wire at every 0.5 mm of arc length after 60 mm, and the ms for each millimeter of motion."""
-    path = pathlib.Path(torquer.scene_path("ty_phantom"))
-    text = path.read_text() + f"\n[relaxation]\nsegment_mm = {segment_mm}\n"
-    simulation = torquer.Simulation(torquer.Scene.from_text(text, str(path.parent)))
+    scene = torquer.Scene("ty_phantom").with_values({"relaxation.segment_mm": segment_mm})
+    simulation = torquer.Simulation(scene)
     hands = simulation.hands
     begin_s = time.process_time()
     for mm in range(1, 61):

@@ -3,7 +3,6 @@
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.friction_sweep [PICTURE]
 """
 
-import pathlib
 import sys
 
 import matplotlib.pyplot as plt
@@ -13,14 +12,12 @@ import torquer
 
 def main(picture="friction_sweep.png"):
     """Prints and draws the forces."""
-    path = pathlib.Path(torquer.scene_path("drill_tube"))
+    scene = torquer.Scene("drill_tube").with_values({"effects.internal_forces": True})
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     print("drill_tube, pushed 220 mm at 20 mm/s")
     for coefficient, style in zip((0, 0.05, 0.1, 0.2), ("-", "--", "-.", ":")):
-        text = path.read_text() + "\n[effects.internal_forces]\n"
-        if coefficient > 0:
-            text += f"[effects.friction]\ncoefficient = {coefficient}\n"
-        simulation = torquer.Simulation(torquer.Scene.from_text(text, str(path.parent)))
+        friction = {"effects.friction.coefficient": coefficient} if coefficient > 0 else {}
+        simulation = torquer.Simulation(scene.with_values(friction))
         hands = simulation.hands
         insertion_mm, force_mN = np.arange(1, 221), []
         for mm in insertion_mm:

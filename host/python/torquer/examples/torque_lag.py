@@ -4,7 +4,6 @@ friction. The wire twists easily: GJ is a tenth of EI (steel: 0.77).
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.torque_lag [PICTURE]
 """
 
-import pathlib
 import sys
 
 import matplotlib.pyplot as plt
@@ -21,15 +20,13 @@ def tip_angle_rad(simulation):
 
 def main(picture="torque_lag.png"):
     """Prints and draws the lags."""
-    path = pathlib.Path(torquer.scene_path("drill_tube"))
+    easily_twisted = {"instrument.guidewire.torsional_rigidity_ratio": 0.1, "effects.torsion": True}
+    scene = torquer.Scene("drill_tube").with_values(easily_twisted)
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     print("drill_tube, pushed 275 mm, then turned by 720 degrees in 8 s")
     for coefficient, style in zip((0, 0.1, 0.2), ("-", "--", "-.")):
-        text = path.read_text().replace("tip_mm = 10", "tip_mm = 10\ntorsional_rigidity_ratio = 0.1")
-        text += "\n[effects.torsion]\n"
-        if coefficient > 0:
-            text += f"[effects.friction]\ncoefficient = {coefficient}\n"
-        simulation = torquer.Simulation(torquer.Scene.from_text(text, str(path.parent)))
+        friction = {"effects.friction.coefficient": coefficient} if coefficient > 0 else {}
+        simulation = torquer.Simulation(scene.with_values(friction))
         hands = simulation.hands
         for mm in range(1, 276):
             hands[0, 0] = mm

@@ -1,0 +1,284 @@
+"""Many environments of one task that step in threads."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Dict, Optional, Sequence, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import Error, Scene, scene_path
+from ._navigation import (
+    INFO,
+    TASKS,
+    End,
+    Moment,
+    Observation,
+    Prepared,
+    Reward,
+    Target,
+    Task,
+    check_options,
+    chosen_mask,
+    chosen_rotation,
+    generator,
+    info_of,
+    rewarded,
+    start_rotation,
+    whole,
+)
+from ._spaces import Box, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium
+from ._torquer import NavigationPool
+
+Array = npt.NDArray[Any]
+
+
+class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
+    """Many environments of one task that step in threads, with the interface of gymnasium.vector.
+
+    Each gives the same as a NavigationEnv with the same seed and actions, bit for bit, for any
+    number of threads. The step after the end of an episode only resets its environment, ignores the
+    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays. Where
+    "_safe_success" is False, "safe_success" is not known.
+
+    step() is send() and recv(), which may be called separately. send() starts some of the
+    environments, and recv() returns those that finish first, while the others go on.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": "NextStep"}
+    render_mode = None
+    spec = None
+
+    def __init__(
+        self,
+        name: Union[str, Scene],
+        count: int,
+        threads: Optional[int] = None,
+        observation: Observation = "vector",
+        task: Optional[Task] = None,
+        copy: bool = True,
+        reward: Optional[Reward] = None,
+        end: Optional[End] = None,
+    ) -> None:
+        """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
+        default. copy: True: observations of all environments are copies. False: the next step
+        overwrites them. observation, reward, end: as in NavigationEnv; the functions are called in the
+        thread that calls recv() or step(), for one environment after the other."""
+        count = whole("count", count, 1, 100_000)
+        if threads is not None:
+            threads = whole("threads", threads, 1, 1024)
+        if task is None:
+            if name not in TASKS:
+                raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}; or give a task")
+            task = TASKS[str(name)]
+            name = scene_path(str(name))
+        prepared = Prepared(name, task, observation, False)
+        self.scene = prepared.scene
+        self.task = task
+        self.num_envs = count
+        self.copy = copy
+        self.observation = observation
+        self.threads = threads
+        self.reward = reward
+        self.end = end
+        self._targets = prepared.targets
+        self._target = [(task.centerline, float(task.at_mm))] * count
+        self._is_dict = prepared.is_dict
+        self.single_observation_space = prepared.observation_space()
+        self.single_action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
+        single = self.single_observation_space if self._is_dict else {prepared.parts[0]: self.single_observation_space}
+        spaces = {
+            part: Box(
+                np.broadcast_to(single[part].low, (count, *single[part].shape)),
+                np.broadcast_to(single[part].high, (count, *single[part].shape)),
+                dtype=single[part].dtype,
+            )
+            for part in prepared.parts
+        }
+        self.observation_space = DictSpace(spaces) if self._is_dict else spaces[prepared.parts[0]]
+        self.action_space = Box(-1.0, 1.0, (count, prepared.action_size), np.float32)
+        # Gymnasium has these modes since 1.1.
+        modes = getattr(getattr(gymnasium, "vector", None), "AutoresetMode", None)
+        if modes is not None:
+            self.metadata = {**self.metadata, "autoreset_mode": modes.NEXT_STEP}
+        self._observations = {part: np.zeros(space.shape, space.dtype) for part, space in spaces.items()}
+        self._facts = np.zeros((3 + len(INFO), count))
+        self._begun = False  # True after the first reset
+        self._ended = np.zeros(count, bool)
+        self._resets = np.ones(count, bool)  # True: the present results are those of a reset
+        self._at_work = np.zeros(count, bool)
+        self._randoms = [np.random.default_rng() for _ in range(count)]
+        cores = len(os.sched_getaffinity(0))
+        self._pool = NavigationPool(
+            self.scene,
+            prepared.task,
+            count,
+            threads or cores,
+            self._facts,
+            self._observations.get("vector"),
+            self._observations.get("picture"),
+        )
+
+    _MADE_WITH = ("scene", "num_envs", "threads", "observation", "task", "copy", "reward", "end")
+    _MEMORY = ("_begun", "_ended", "_resets", "_randoms", "_target")
+
+    def __getstate__(self) -> Dict[str, Any]:
+        if self._at_work.any():
+            raise Error("environments are running; call recv() before you pickle or copy them")
+        return {
+            "made_with": [getattr(self, name) for name in self._MADE_WITH],
+            "memory": {name: getattr(self, name) for name in self._MEMORY},
+            "facts": self._facts,
+            "observations": self._observations,
+            "environments": [self._pool.save(k) for k in range(self.num_envs)],
+        }
+
+    def __setstate__(self, state: Dict[str, Any]) -> None:
+        name, count, threads, observation, task, *others = state["made_with"]
+        self.__init__(name, count, threads, observation, task, *others)  # type: ignore[misc]
+        for k, saved in enumerate(state["environments"]):
+            self._pool.load(k, saved)
+        self.__dict__.update(state["memory"])
+        self._facts[:] = state["facts"]
+        for part, values in state["observations"].items():
+            self._observations[part][:] = values
+
+    def reset(
+        self,
+        *,
+        seed: Union[None, int, Sequence[Optional[int]]] = None,
+        options: Optional[Dict[str, Any]] = None,
+    ) -> Tuple[Any, Dict[str, Any]]:
+        """Returns all to the start. seed: that of the first, one more for each next; or one for each.
+        options: as in NavigationEnv.reset; and "reset_mask", an array of booleans: only those
+        environments return to the start."""
+        if self._at_work.any():
+            raise Error("environments are running; call recv() before reset()")
+        seeds: Sequence[Optional[int]]
+        if seed is None:
+            seeds = [None] * self.num_envs
+        elif isinstance(seed, (list, tuple, np.ndarray)):
+            seeds = seed
+        else:
+            first = whole("seed", seed, 0, 2**63 - 1 - self.num_envs)
+            seeds = [first + k for k in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise Error(f"there are {len(seeds)} seeds; give {self.num_envs}, or one")
+        # Checks all arguments before the first environment begins.
+        options = check_options(options, ["rotation_rad", "target", "reset_mask"])
+        mask = chosen_mask(options, self.num_envs)
+        if not self._begun and not mask.all():
+            raise Error("the environments have not begun; call reset() without reset_mask first")
+        chosen = chosen_rotation(options)
+        chosen_target = self._targets.chosen(options)
+        if chosen is not None:
+            self._pool.check_rotation(chosen)
+        made = [None if one is None else generator(one) for one in seeds]
+        for k in np.flatnonzero(mask):
+            self._randoms[k] = self._randoms[k] if made[k] is None else made[k]
+            self._start(int(k), chosen, chosen_target)
+        self._begun = True
+        self._wait(None)
+        observations, _, _, _, info = self._results(np.arange(self.num_envs))
+        return observations, info
+
+    def _start(self, k: int, rotation_rad: Optional[float], target: Optional[Target]) -> None:
+        """Starts a reset of one environment."""
+        rotation_rad = start_rotation(self._randoms[k], rotation_rad)
+        self._target[k] = self._targets.draw(self._randoms[k], target)
+        self._pool.reset(k, rotation_rad, self._targets.route(self._target[k]))
+        self._at_work[k] = self._resets[k] = True
+
+    def step(self, actions: npt.ArrayLike) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
+        """Moves the hands of all for Task.step_s."""
+        self.send(actions)
+        return self.recv()
+
+    def send(self, actions: npt.ArrayLike, ids: Optional[npt.ArrayLike] = None) -> None:
+        """Starts a step of the environments `ids`, or of all, and returns at once. Before the first
+        reset() this is an error."""
+        try:
+            which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
+            rows = np.asarray(actions, float)
+        except (TypeError, ValueError) as error:
+            raise Error(f"actions or ids are no array of numbers ({error})") from None
+        if which.dtype.kind not in "iu" and len(which) > 0:
+            raise Error(f"ids are {which.tolist()}; give whole numbers, 0 to {self.num_envs - 1}")
+        which = which.astype(int)
+        shape = (len(which), *self.single_action_space.shape)
+        if rows.shape != shape:
+            raise Error(f"actions have the shape {rows.shape}; give {shape}")
+        if not np.isfinite(rows).all():
+            raise Error("actions hold a number that is not finite; give -1 to 1")
+        if len(np.unique(which)) != len(which) or ((which < 0) | (which >= self.num_envs)).any():
+            raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
+        if not self._begun:
+            raise Error("the environments have not begun; call reset() before step() or send()")
+        if self._at_work[which].any():
+            raise Error("an environment is running already; call recv() before the next send()")
+        ended = self._ended[which]
+        self._pool.step(which[~ended], rows[~ended])
+        self._at_work[which] = True
+        self._resets[which] = False
+        for k in which[ended]:
+            self._start(int(k), None, None)
+
+    def recv(self, count: Optional[int] = None) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
+        """Results of the `count` that finish first, or of all that are at work: observations,
+        rewards, terminated, truncated and info, in the order of info["env_id"]. If one of them
+        fails, this waits for all, and raises the error."""
+        if not self._at_work.any():
+            raise Error("no environment is running; call send() with actions first")
+        if count is not None:
+            count = whole("count", count, 1, 2**31 - 1)
+        return self._results(self._wait(count), True)
+
+    def _wait(self, count: Optional[int]) -> Array:
+        try:
+            ids = np.sort(np.array(self._pool.wait(self.num_envs if count is None else count), int))
+        except Error:
+            self._wait_for_all()
+            raise
+        self._at_work[ids] = False
+        return ids
+
+    def _results(self, ids: Array, stepped: bool = False) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
+        facts = self._facts[:, ids]
+        everything = len(ids) == self.num_envs and not self.copy
+        taken = {part: values if everything else values[ids] for part, values in self._observations.items()}
+        info: Dict[str, Any] = dict(zip(INFO, facts[3:]))
+        info["success"] = facts[3] != 0
+        info["safe_success"] = facts[4] == 1
+        # Gymnasium's mask: False where the value is not known.
+        info["_safe_success"] = ~np.isnan(facts[4])
+        info["env_id"] = ids
+        info["target"] = np.array([self._target[k][0] for k in ids])
+        info["target_at_mm"] = np.array([self._target[k][1] for k in ids])
+        rewards, terminated, truncated = facts[0].copy(), facts[1] != 0, facts[2] != 0
+        if stepped and (self.reward is not None or self.end is not None):
+            for row, k in enumerate(ids):
+                if self._resets[k]:
+                    continue
+                here = info_of(facts[:, row].tolist(), self._target[k])
+                moment = Moment(self._pool.simulation(int(k)), here, float(rewards[row]))
+                rewards[row], ends = rewarded(moment, self.reward, self.end)
+                terminated[row] |= ends
+            truncated &= ~terminated
+        self._ended[ids] = terminated | truncated
+        observations: Any = taken if self._is_dict else taken.popitem()[1]
+        return observations, rewards, terminated, truncated, info
+
+    def close(self, **_: Any) -> None:
+        """Waits for those at work. Gymnasium calls it also for an object that could not be made."""
+        if hasattr(self, "_pool"):
+            self._wait_for_all()
+        self.closed = True
+
+    def _wait_for_all(self) -> None:
+        while self._pool.at_work > 0:
+            try:
+                self._pool.wait(self.num_envs)
+            except Error:
+                pass
+        self._at_work[:] = False

@@ -1,0 +1,16 @@
+// Sets values in a TOML table that was read from a file.
+#pragma once
+
+#include <toml++/toml.h>
+
+#include <string>
+
+#include "host/support/strict_toml.h"
+
+namespace torquer {
+
+/// Sets `values` in `root`, in their order. Nodes that it sets have no place in a file. `path` is
+/// for messages. Throws UserError for a key that cannot be set.
+void SetValues(const TomlValues& values, const std::string& path, toml::table& root);
+
+}  // namespace torquer

@@ -1,0 +1,105 @@
+"""Pickles of simulations and environments: they continue to the bit, and damaged ones are refused."""
+
+import copy
+import os
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torquer
+import torquer.envs
+
+TASK = torquer.envs.Task("side", 40.0, max_steps=12, other_targets=(("main", 100.0, 140.0),))
+
+
+def reward_of(moment):
+    return moment.reward + moment.simulation.time_s
+
+
+@pytest.fixture(scope="module")
+def moved():
+    simulation = torquer.Simulation("ty_phantom")
+    hands = simulation.hands
+    for k in range(5):
+        hands += [[2.0, 0.3]]
+        simulation.step(0.1 * (k + 1), hands, after_tick=lambda _: None)
+    return simulation
+
+
+def test_a_simulation_continues_in_another_process(moved, tmp_path):
+    file = tmp_path / "pickle"
+    file.write_bytes(pickle.dumps(moved))
+    code = (
+        "import pickle, sys; s = pickle.load(open(sys.argv[1], 'rb')); "
+        "s.step(0.6, s.hands + [[1.0, 0.1]]); print(s.state_hash, s.scene.path)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(file)], env=os.environ, capture_output=True, text=True, check=True)
+    twin = copy.copy(moved)
+    twin.step(0.6, twin.hands + [[1.0, 0.1]])
+    assert done.stdout.split() == [str(twin.state_hash), moved.scene.path]
+
+
+def test_damaged_and_foreign_pickles_are_refused(moved):
+    scene, saved = moved.__getstate__()
+    blank = torquer.Simulation.__new__(torquer.Simulation)
+    foreign = saved.replace(torquer.__build__.encode(), b"0" * 40)
+    for bad in (saved[:-1], b"", foreign, saved[:60] + b"?" + saved[61:]):
+        with pytest.raises(torquer.Error, match="damaged|not a saved"):
+            blank.__setstate__((scene, bad))
+    for bad in ((), (scene,), (saved, scene), (scene, saved, 1), (torquer.Scene("drill_tube"), saved)):
+        with pytest.raises(torquer.Error, match="damaged|other contents"):
+            blank.__setstate__(bad)
+    blank = torquer.Scene.__new__(torquer.Scene)
+    for bad in ((), ("name = 1",), (1, 2, 3, 4), (scene.text, scene.folder, "x", "y")):
+        with pytest.raises(torquer.Error, match="pickled scene is damaged"):
+            blank.__setstate__(bad)
+    env = torquer.envs.NavigationEnv("ty_phantom", TASK)
+    env.reset(seed=1)
+    given, task, state = env._navigation.__getstate__()
+    blank = torquer._torquer.Navigation.__new__(torquer._torquer.Navigation)
+    cases = [(given, task, (*state[:k], None, *state[k + 1 :])) for k in range(len(state))]
+    cases += [(), (given, task), (given, (1, 2), state), (given, task, ()), (given, task, (*state[:3], 10**6, *state[4:]))]
+    for bad in cases:
+        with pytest.raises(torquer.Error, match="damaged|route"):
+            blank.__setstate__(bad)
+
+
+def test_an_environment_continues_with_its_targets_and_rotations():
+    env = torquer.envs.NavigationEnv("ty_phantom", TASK, render_mode="rgb_array", reward=reward_of)
+    env.reset(seed=3)
+    for _ in range(3):
+        env.step([1.0, 0.3])
+    for twin in (pickle.loads(pickle.dumps(env)), copy.deepcopy(env)):
+        original = copy.deepcopy(env)
+        for k in range(20):
+            got, expected = ((one.step([1.0, 0.2]) if k % 10 < 9 else (*one.reset(), None)) for one in (twin, original))
+            assert np.array_equal(got[0], expected[0]) and got[1:] == expected[1:]
+        assert np.array_equal(twin.render(), original.render())
+        assert twin.simulation.state_hash == original.simulation.state_hash
+
+
+def test_a_vector_continues_and_is_not_pickled_at_work():
+    many = torquer.envs.VectorEnv("ty_phantom", 3, task=TASK, reward=reward_of)
+    many.reset(seed=5)
+    rows = np.full((3, 2), 0.5, np.float32)
+    for _ in range(4):
+        many.step(rows)
+    many.reset(options={"reset_mask": np.array([False, True, False])})
+    twin = pickle.loads(pickle.dumps(many))
+    for _ in range(14):  # past the end of the episodes
+        expected, got = many.step(rows), twin.step(rows)
+        for one, other in zip(expected[:4], got[:4]):
+            assert np.array_equal(one, other)
+        assert all(np.array_equal(expected[4][name], got[4][name], equal_nan=expected[4][name].dtype.kind == "f") for name in expected[4])
+    many.send(rows)
+    with pytest.raises(torquer.Error, match="call recv"):
+        pickle.dumps(many)
+    many.recv()
+
+
+def test_copies_of_a_scene_share_it():
+    scene = torquer.Scene("ty_phantom")
+    for twin in (copy.copy(scene), copy.deepcopy(scene)):
+        assert twin.content_hash == scene.content_hash and twin.path == scene.path
