@@ -119,3 +119,13 @@ def test_rewards_and_ends_of_the_user():
     wrong.reset(seed=1)
     with pytest.raises(torquer.Error, match="the reward is nan; return a finite number"):
         wrong.step([0.0, 0.0])
+
+
+def test_a_mask_leaves_ends_of_the_user():
+    many = torquer.envs.VectorEnv("ty_phantom", 2, task=BASE, end=lambda moment: moment.info["time_s"] > 0.15)
+    many.reset(seed=1)
+    *_, ends, _, _ = many.step(np.zeros((2, 2)))
+    assert ends.all()
+    many.reset(options={"reset_mask": np.array([True, False])})
+    _, _, ends, _, info = many.step(np.zeros((2, 2)))
+    assert ends.tolist() == [True, False] and info["time_s"] == pytest.approx([0.2, 0.1])

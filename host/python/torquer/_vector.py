@@ -179,6 +179,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             self._randoms[k] = self._randoms[k] if made[k] is None else made[k]
             self._start(int(k), chosen, chosen_target)
         self._begun = True
+        self._ended[mask] = False
         self._wait(None)
         observations, _, _, _, info = self._results(np.arange(self.num_envs))
         return observations, info
@@ -265,7 +266,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
                 rewards[row], ends = rewarded(moment, self.reward, self.end)
                 terminated[row] |= ends
             truncated &= ~terminated
-        self._ended[ids] = terminated | truncated
+        if stepped:
+            self._ended[ids] = terminated | truncated
         observations: Any = taken if self._is_dict else taken.popitem()[1]
         return observations, rewards, terminated, truncated, info
 
