@@ -2,13 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "calibration/calibration_file.h"
+#include "host/recorder/pass_marks.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/report_page.h"
 #include "host/recorder/session_judge.h"
@@ -32,6 +35,7 @@ struct Arguments {
   std::string picture;
   std::string page;
   std::string scene;
+  std::string marks;
   bool json = false;
 };
 
@@ -84,6 +88,16 @@ class PageFiles {
   torquer::AtomicFile summary_;
 };
 
+// Pass marks in the given file, otherwise those beside the scene file, if there are any.
+std::optional<torquer::MarkSheet> MarksOf(const std::string& given, const std::string& scene_file,
+                                          const torquer::SessionReport& report) {
+  if (!given.empty()) return torquer::ReadMarks(given, report);
+  const std::string beside = torquer::PassMarksPath(scene_file);
+  std::error_code error;
+  if (!std::filesystem::exists(beside, error)) return std::nullopt;
+  return torquer::ReadMarks(beside, report);
+}
+
 // Judges a session whose scene has observers. Returns the scene if it was opened. A scene file that
 // cannot be read is an error only if the caller needs it.
 std::unique_ptr<torquer::scene::Scene> OpenAndJudge(const std::string& log,
@@ -124,8 +138,10 @@ int Run(const Arguments& arguments) {
   report.unknown = summary.unknown;
   report.started_us = summary.started_us;
   const std::string scene_file = arguments.scene.empty() ? report.scene_file : arguments.scene;
+  report.marks = MarksOf(arguments.marks, scene_file, report);
   const std::unique_ptr<torquer::scene::Scene> opened =
       OpenAndJudge(arguments.log, scene_file, picture.has_value() || page.has_value(), report);
+  if (report.marks) torquer::CompareMarks(report, *report.marks);
   if (picture || page) {
     const torquer::scene::Scene& scene = *opened;
     const torquer::PictureVessel surface = Surface(scene.vessel());
@@ -174,5 +190,9 @@ int main(int argc, char** argv) {
   options.Text("--scene", "FILE", arguments.scene,
                "scene file with the vessel (default: the file that the simulator used)",
                torquer::ValueKind::kFile);
+  options.Text(
+      "--marks", "FILE", arguments.marks,
+      "file with pass marks (default: pass_marks/NAME.toml beside the scene file, if there)",
+      torquer::ValueKind::kFile);
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/recorder/json_values.h"
 #include "host/recorder/page_text.h"
 #include "host/support/angle.h"
 #include "host/support/error.h"
@@ -104,6 +105,27 @@ nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
           {"latency_ms_max", report.latency_ms.max}};
 }
 
+nlohmann::ordered_json MarksJson(const MarkSheet& sheet) {
+  nlohmann::ordered_json marks = nlohmann::ordered_json::array();
+  for (const Mark& mark : sheet.marks) {
+    marks.push_back({{"name", mark.name},
+                     {"at_most", OrNull(mark.most)},
+                     {"value", OrNull(mark.value)},
+                     {"passed", OrNull(mark.passed)}});
+  }
+  return marks;
+}
+
+std::string FormatMarks(const MarkSheet& sheet) {
+  std::string text =
+      fmt::format("  pass marks   {}, by {}\n", PassedText(sheet.Passed()), Printable(sheet.file));
+  for (const Mark& mark : sheet.marks) {
+    text += fmt::format("               {}: {}; {}: {}\n", mark.label, mark.found, mark.limit,
+                        PassedText(mark.passed));
+  }
+  return text;
+}
+
 // Adds all figures of a single wire, but only the decisive ones for each of several instruments.
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
   const std::string apart = CountsText(report.axial.error_counts);
@@ -153,6 +175,7 @@ std::string FormatReport(const SessionReport& report) {
   if (!report.not_gradable.empty()) {
     text += fmt::format("  marks        none, not gradable: {}\n", Printable(report.not_gradable));
   }
+  if (report.marks) text += FormatMarks(*report.marks);
   if (report.states_missing > 0 || report.undecodable > 0) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
                         report.states_missing, report.undecodable);
@@ -193,6 +216,12 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
   }
   nlohmann::ordered_json not_gradable;
   if (!report.not_gradable.empty()) not_gradable = report.not_gradable;
+  nlohmann::ordered_json passed;
+  nlohmann::ordered_json marks = nlohmann::ordered_json::array();
+  if (report.marks) {
+    passed = OrNull(report.marks->Passed());
+    marks = MarksJson(*report.marks);
+  }
   const nlohmann::ordered_json json = {{"scene", report.scene},
                                        {"method", report.method},
                                        {"duration_s", report.duration_s},
@@ -215,6 +244,8 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"readings", std::move(readings)},
                                        {"judged", report.judged},
                                        {"not_gradable", std::move(not_gradable)},
+                                       {"passed", std::move(passed)},
+                                       {"marks", std::move(marks)},
                                        {"picture", picture},
                                        {"page", page}};
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";

@@ -69,6 +69,7 @@ class Page {
     Append(out_, "<div class=\"verdict {}\"><strong>{}</strong>{}</div>\n", look, verdict.headline,
            verdict.text);
     for (const std::string& doubt : figures_.Doubts()) Note("Note", doubt);
+    if (report_.marks) Marks(*report_.marks);
     const std::vector<PageFinding> findings = figures_.Findings();
     if (!findings.empty()) {
       out_ +=
@@ -81,6 +82,26 @@ class Page {
       out_ += "</tbody></table>\n";
     }
     out_ += "</section>\n";
+  }
+
+  void Marks(const MarkSheet& sheet) {
+    const std::optional<bool> all = sheet.Passed();
+    Append(out_, "<p class=\"facts\"><b>Pass marks: {}</b> (by {})</p>\n", Verdict(all),
+           SafeText(std::filesystem::path(sheet.file).filename().string()));
+    out_ +=
+        "<table class=\"findings\"><thead>"
+        "<tr><th>Pass mark</th><th>Result</th><th>Limit</th><th>Verdict</th></tr></thead><tbody>\n";
+    for (const Mark& mark : sheet.marks) {
+      Append(out_, "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td>{}</td></tr>\n",
+             SafeText(mark.label), SafeText(mark.found), SafeText(mark.limit),
+             Verdict(mark.passed));
+    }
+    out_ += "</tbody></table>\n";
+  }
+
+  static std::string Verdict(const std::optional<bool>& passed) {
+    const char* sign = !passed ? "" : *passed ? "&#x2713; " : "&#x2717; ";
+    return sign + PassedText(passed);
   }
 
   void Note(const char* heading, const std::string& text) {
@@ -205,6 +226,7 @@ class Page {
     out_ +=
         "</figure>\n<table "
         "class=\"sessions\"><thead><tr><th>Session</th><th>Began</th><th>Result</th>"
+        "<th>Pass marks</th>"
         "<th>Procedure</th><th>Largest force</th><th>Fluoroscopy</th><th>Contrast</th>"
         "<th>Path length of the tip</th><th>Reversals</th></tr></thead><tbody>\n";
     for (std::size_t i = 0; i < sessions.size(); ++i) AppendSession(i + 1, sessions[i]);
@@ -223,9 +245,11 @@ class Page {
                                                     : "&#x2717; unsafe";
     Append(out_,
            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
-           "<td>{}</td><td>{}</td></tr>\n",
-           number, DateText(session.started_us), result, SecondsText(session.procedure_s),
-           or_dash(session.wall_force_mN, ForceText), or_dash(session.fluoroscopy_s, SecondsText),
+           "<td>{}</td><td>{}</td><td>{}</td></tr>\n",
+           number, DateText(session.started_us), result,
+           session.marks.empty() ? "&#x2013;" : Verdict(session.passed),
+           SecondsText(session.procedure_s), or_dash(session.wall_force_mN, ForceText),
+           or_dash(session.fluoroscopy_s, SecondsText),
            or_dash(session.contrast_mL, [](double mL) { return ValueText(mL) + " mL"; }),
            or_dash(session.tip_path_mm, [](double mm) { return ValueText(mm) + " mm"; }),
            TimesText(static_cast<double>(session.reversals)));

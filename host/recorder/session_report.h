@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/recorder/log_gaps.h"
+#include "host/recorder/pass_marks.h"
 #include "host/recorder/session_course.h"
 #include "host/recorder/session_log.h"
 
@@ -105,6 +106,7 @@ struct SessionReport {
   bool judged = false;
   /// Reason why the session has no marks; "": it has, or the scene has nothing to judge.
   std::string not_gradable;
+  std::optional<MarkSheet> marks;  ///< none: no pass marks are set for the scene
 
   /// True if the scene names this effect, such as "fluoroscopy".
   bool Has(const std::string& effect) const;

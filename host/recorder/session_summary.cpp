@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <utility>
 
+#include "host/recorder/json_values.h"
 #include "host/support/error.h"
 #include "host/support/input_file.h"
 
@@ -28,8 +30,7 @@ std::optional<bool> AsTruth(const std::optional<double>& reading) {
 // Reader of the fields of a summary file.
 class Fields {
  public:
-  Fields(const std::string& path, const std::string& text)
-      : path_(path), json_(nlohmann::json::parse(text, nullptr, false)) {
+  Fields(const std::string& path, nlohmann::json json) : path_(path), json_(std::move(json)) {
     if (!json_.is_object()) Refuse("is no JSON object");
   }
 
@@ -55,6 +56,10 @@ class Fields {
     if (!number) Refuse(std::string(name) + " is missing");
     return *number;
   }
+  const nlohmann::json& List(const char* name) const {
+    if (!At(name).is_array()) Refuse(std::string(name) + " is no list");
+    return At(name);
+  }
   std::int64_t Count(const char* name) const {
     if (!At(name).is_number_integer() || At(name).get<std::int64_t>() < 0) {
       Refuse(std::string(name) + " is no count");
@@ -74,11 +79,6 @@ class Fields {
   const std::string& path_;
   nlohmann::json json_;
 };
-
-template <class T>
-nlohmann::json OrNull(const std::optional<T>& value) {
-  return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
-}
 
 bool IsOwn(const std::filesystem::path& file) {
   struct stat status {};
@@ -145,6 +145,12 @@ SessionSummary Summarize(const SessionReport& report) {
   for (const InstrumentCourse& instrument : course.instruments()) {
     summary.reversals += instrument.reversals;
   }
+  if (report.marks) {
+    summary.passed = report.marks->Passed();
+    for (const Mark& mark : report.marks->marks) {
+      summary.marks.push_back({mark.name, mark.value, mark.passed});
+    }
+  }
   summary.gradable = report.not_gradable.empty();
   if (!summary.gradable) {
     summary.target_reached = summary.safe = std::nullopt;
@@ -154,6 +160,11 @@ SessionSummary Summarize(const SessionReport& report) {
 }
 
 std::string FormatSummary(const SessionSummary& summary) {
+  nlohmann::ordered_json marks = nlohmann::ordered_json::array();
+  for (const SummaryMark& mark : summary.marks) {
+    marks.push_back(
+        {{"name", mark.name}, {"value", OrNull(mark.value)}, {"passed", OrNull(mark.passed)}});
+  }
   const nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
                                        {"scene", summary.scene},
                                        {"started_us", summary.started_us},
@@ -166,13 +177,17 @@ std::string FormatSummary(const SessionSummary& summary) {
                                        {"fluoroscopy_s", OrNull(summary.fluoroscopy_s)},
                                        {"contrast_mL", OrNull(summary.contrast_mL)},
                                        {"tip_path_mm", OrNull(summary.tip_path_mm)},
-                                       {"reversals", summary.reversals}};
+                                       {"reversals", summary.reversals},
+                                       {"passed", OrNull(summary.passed)},
+                                       {"marks", std::move(marks)}};
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 SessionSummary ReadSummary(const std::string& path) {
   const Fields fields(
-      path, ReadInputFile(path, "restore the file, or delete it", EarlierSessions::kMostBytes));
+      path, nlohmann::json::parse(
+                ReadInputFile(path, "restore the file, or delete it", EarlierSessions::kMostBytes),
+                nullptr, false));
   if (fields.Count("session_summary") != kSummaryVersion) fields.Refuse("it has another version");
   SessionSummary summary;
   summary.scene = fields.Text("scene");
@@ -187,6 +202,12 @@ SessionSummary ReadSummary(const std::string& path) {
   summary.contrast_mL = fields.Number("contrast_mL");
   summary.tip_path_mm = fields.Number("tip_path_mm");
   summary.reversals = fields.Count("reversals");
+  summary.passed = fields.Truth("passed");
+  for (const nlohmann::json& mark : fields.List("marks")) {
+    const Fields of_mark(path, mark);
+    summary.marks.push_back(
+        {of_mark.Text("name"), of_mark.Number("value"), of_mark.Truth("passed")});
+  }
   return summary;
 }
 

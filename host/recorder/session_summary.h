@@ -11,6 +11,15 @@
 
 namespace torquer {
 
+/// One pass mark of a session. Values without a number or a verdict are not known.
+struct SummaryMark {
+  std::string name;  ///< key of the file with the pass marks
+  std::optional<double> value;
+  std::optional<bool> passed;
+
+  bool operator==(const SummaryMark&) const = default;
+};
+
 /// Figures that show learning progress. A figure has no value if the scene does not measure it, or
 /// if it is not known.
 struct SessionSummary {
@@ -27,6 +36,8 @@ struct SessionSummary {
   std::optional<double> contrast_mL;    ///< injected
   std::optional<double> tip_path_mm;    ///< from the assessment, otherwise from the course
   std::int64_t reversals = 0;           ///< of all instruments
+  std::optional<bool> passed;           ///< all pass marks; nothing: not known, or none are set
+  std::vector<SummaryMark> marks;
 
   bool operator==(const SessionSummary&) const = default;
 };

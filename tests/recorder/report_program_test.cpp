@@ -61,6 +61,20 @@ TEST_CASE("torquer-report judges, prints and draws") {
   CHECK(run(given) == 1);
   CHECK_THAT(text("out"), Catch::Contains("1001 sent, 1000 received, 1 lost"));
 
+  // Pass marks: no mark without a replay, and a file that cannot be used ends the program.
+  faults = {};
+  faults.course = true;
+  WriteSession(folder.Path("log"), faults);
+  std::ofstream(folder.Path("marks.toml")) << "target_reached = true\n";
+  CHECK(run(given + " --json --marks " + folder.Path("marks.toml")) == 0);
+  const auto marked = nlohmann::json::parse(text("out"));
+  CHECK_THAT(marked["not_gradable"].get<std::string>(), Catch::Contains("made_up.toml"));
+  CHECK(marked["passed"].is_null());
+  CHECK(marked["marks"][0]["passed"].is_null());
+  std::ofstream(folder.Path("marks.toml")) << "reached = true\n";
+  CHECK(run(given + " --marks " + folder.Path("marks.toml")) == 2);
+  CHECK_THAT(text("err"), Catch::Contains("marks.toml:1: reached"));
+
   CHECK(run(folder.Path("none")) == 2);
   CHECK_THAT(text("err"), Catch::StartsWith("torquer-report: ") && Catch::Contains("none"));
   CHECK(run("") == 2);
