@@ -89,8 +89,17 @@ def main():
             "    assert s.step(0.1 * (k + 1), hands).converged\n"
             "print(torquer.__version__, round(s.places[0, 0]))\n"
         )
-        python = dict(environment, PYTHONPATH=str(packages))
+        # No environment names the library.
+        python = dict(os.environ, PYTHONPATH=str(packages))
+        python.pop("LD_LIBRARY_PATH", None)
         check("Python does the same",
+              run("/usr/bin/python3", "-B", "-c", steps, scene, env=python) == said)
+
+        parts = pathlib.Path(folder) / "parts"
+        for part in ("library", "development", "python", "common", "programs", "documentation"):
+            run("cmake", "--install", BUILD, "--prefix", parts, "--component", part)
+        python["PYTHONPATH"] = str(next(parts.glob("lib/python3/dist-packages")))
+        check("components make the same Python",
               run("/usr/bin/python3", "-B", "-c", steps, scene, env=python) == said)
 
         # Installed programs must find their data files without a build tree.
