@@ -27,7 +27,7 @@ enum BootloaderReportId : uint8_t {
   FIELD(uint8_t,  report_id,          "16")                                                        \
   FIELD(uint8_t,  protocol_version,   "kBootloaderProtocolVersion")                                \
   FIELD(uint8_t,  board,              "ImageBoard")                                                \
-  FIELD(uint8_t,  clock_mhz,          "crystal that the bootloader was built for, 8 or 16")        \
+  FIELD(uint8_t,  clock,              "ClockCode() of crystal and CPU that it was built for")      \
   FIELD(ImageTrailer, trailer,        "as it lies in the flash, valid or not")                     \
   FIELD(uint8_t,  application_valid,  "1 if the application would be started, else 0")             \
   FIELD(SerialRecord, given_serial,   "as it lies in the EEPROM")                                  \

@@ -27,12 +27,23 @@ enum ImageBoard : uint8_t {
   kBoardBenchAtmega32u4 = 1,
 };
 
+/// Crystal and CPU clock in a byte: the crystal in MHz, and kHalfClock if the CPU runs at half of
+/// it. Programs that do not know this bit refuse the clock.
+constexpr uint8_t kHalfClock = 0x80;
+constexpr uint8_t ClockCode(uint8_t crystal_mhz, uint8_t cpu_mhz) {
+  return static_cast<uint8_t>(crystal_mhz | (cpu_mhz < crystal_mhz ? kHalfClock : 0));
+}
+constexpr uint8_t CrystalMhz(uint8_t clock) { return static_cast<uint8_t>(clock & ~kHalfClock); }
+constexpr uint8_t CpuMhz(uint8_t clock) {
+  return static_cast<uint8_t>(CrystalMhz(clock) >> (clock & kHalfClock ? 1 : 0));
+}
+
 // clang-format off
 #define TORQUER_IMAGE_TRAILER(FIELD)                                                               \
   FIELD(uint32_t, magic,             "kImageMagic")                                                \
   FIELD(uint16_t, length,            "bytes of the application, from address 0; 1 .. 28544")       \
   FIELD(uint8_t,  board,             "ImageBoard")                                                 \
-  FIELD(uint8_t,  clock_mhz,         "crystal that it was built for, 8 or 16")                     \
+  FIELD(uint8_t,  clock,             "ClockCode() of crystal and CPU that it was built for")       \
   FIELD(uint8_t,  firmware_major,    "firmware version")                                           \
   FIELD(uint8_t,  firmware_minor,    "firmware version")                                           \
   FIELD(uint8_t,  firmware_patch,    "firmware version")                                           \

@@ -78,10 +78,13 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
   FIELD(uint8_t,  firmware_patch,    "firmware version")                                           \
   FIELD(uint8_t,  sensor_product_id, "0x42 for a PMW3360; 0 when none answers")                    \
   FIELD(uint8_t,  sensor_revision,   "as the sensor reports it")                                   \
-  FIELD(uint8_t,  clock_mhz,         "CPU clock, 8 or 16")                                         \
+  FIELD(uint8_t,  crystal_mhz,       "8 or 16")                                                    \
   FIELD_ARRAY(char, serial, 16,      "ASCII, zero-padded; equals the USB serial string")           \
   FIELD(uint8_t,  self_test,         "bit 0 application CRC, bit 1 settings, bit 2 sensor; 1 good")\
-  FIELD_ARRAY(uint8_t, spare, 7,     "0")
+  FIELD(uint8_t,  board,             "ImageBoard; 0 from firmware before this field: 1")           \
+  FIELD(uint8_t,  capabilities,      "Capability bits; 0 from firmware before this field")         \
+  FIELD(uint8_t,  cpu_mhz,           "CPU clock, 8 or 16; 0 from firmware before this field: the crystal's") \
+  FIELD_ARRAY(uint8_t, spare, 4,     "0")
 
 #define TORQUER_CONFIGURATION_REPORT(FIELD)                                                        \
   FIELD(uint8_t,  report_id,         "3")                                                          \
@@ -106,7 +109,8 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
   FIELD(uint8_t,  sensor_observation, "Observation register when the sensor was started")          \
   FIELD(uint16_t, joystick_rest_x,   "reading at rest, measured at the start; 512 if it was not")  \
   FIELD(uint16_t, joystick_rest_y,   "the same")                                                   \
-  FIELD_ARRAY(uint8_t, spare, 10,    "0")
+  FIELD(uint16_t, supply_mv,         "the chip's supply, +-10 %, in steps of 20 mV; 0 unknown")    \
+  FIELD_ARRAY(uint8_t, spare, 8,     "0")
 
 #define TORQUER_COMMAND_REPORT(FIELD)                                                              \
   FIELD(uint8_t,  report_id,         "5")                                                          \
@@ -176,6 +180,14 @@ enum ResetReason : uint8_t {
   kResetBrownOut = 1 << 2,
   kResetWatchdog = 1 << 3,
   kResetDerived = 1 << 7,
+};
+
+/// Bits of IdentityReport::capabilities.
+enum Capability : uint8_t {
+  kCapabilityClosedAtRest = 1 << 0,  ///< ConfigurationReport::closed_at_rest
+  kCapabilitySupply = 1 << 1,        ///< DiagnosticsReport::supply_mv
+  kCapabilitySrom = 1 << 2,          ///< SromReport, for the sensor that answers
+  kCapabilityPicture = 1 << 3,       ///< PictureReport, for the sensor that answers
 };
 
 /// Values of DiagnosticsReport::sensor_fault_cause.

@@ -57,8 +57,10 @@ void StoreWarmByte(uint8_t value);
 /// Returns the bytes of stack never used since the reset.
 uint16_t StackHeadroom();
 
-/// CPU clock in MHz.
-uint8_t ClockMhz();
+/// Crystal and CPU clock, as protocol::ClockCode().
+uint8_t ClockCode();
+/// protocol::ImageBoard.
+uint8_t Board();
 
 /// Ten bytes of lot, wafer and position that the factory left in the chip; all 0xff where none.
 void ReadChipSerial(uint8_t serial[10]);
@@ -78,12 +80,15 @@ uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us);
 /// Reads `count` bytes one after the other, and sends zeros meanwhile.
 void ReadSpi(uint8_t* bytes, uint8_t count);
 
-// --- joystick and buttons ----------------------------------------------------------------------
+// --- joystick, supply and buttons ---------------------------------------------------------------
 
-enum class Axis : uint8_t { kX, kY };
+/// kBandGap is a fixed voltage of kBandGap_mv +-10 %, read against the supply. Its first reading
+/// after another input is not settled.
+enum class Analog : uint8_t { kJoystickX, kJoystickY, kBandGap };
+constexpr uint16_t kBandGap_mv = 1100;
 
 /// Begins a conversion (104 us). The one before must have been fetched.
-void BeginAdc(Axis axis);
+void BeginAdc(Analog input);
 /// The result of the conversion begun last, 0 .. 1023; waits for its end, at most 110 us.
 uint16_t FinishAdc();
 

@@ -5,6 +5,8 @@
 #include <avr/wdt.h>
 #include <string.h>
 
+#include "firmware/board/atmega32u4/clock.h"
+
 namespace torquer {
 namespace bootloader {
 namespace {
@@ -27,7 +29,7 @@ void ReadTrailer(protocol::ImageTrailer* trailer) {
 }
 
 bool Fits(const protocol::ImageTrailer& trailer) {
-  return trailer.board == protocol::kBoardBenchAtmega32u4 && trailer.clock_mhz == F_CPU / 1000000 &&
+  return trailer.board == protocol::kBoardBenchAtmega32u4 && trailer.clock == board::kClock &&
          protocol::ImageIsWhole(trailer, ReadKicking);
 }
 

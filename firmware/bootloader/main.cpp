@@ -3,18 +3,17 @@
 #include <avr/io.h>
 #include <avr/wdt.h>
 
+#include "firmware/board/atmega32u4/clock.h"
 #include "firmware/bootloader/application.h"
 #include "firmware/bootloader/usb.h"
 #include "protocol/usb_ids.h"
 
-#if F_CPU != 16000000UL && F_CPU != 8000000UL
-#error "the USB needs a crystal of 8 or 16 MHz"
-#endif
-
 extern "C" {
-// Clock that this image was built for; the emulator reads it.
-extern const uint32_t torquer_clock_hz TORQUER_IN_FLASH;
-const uint32_t torquer_clock_hz = F_CPU;
+// Clocks that this image was built for; the emulator reads them.
+extern const uint32_t torquer_cpu_hz TORQUER_IN_FLASH;
+const uint32_t torquer_cpu_hz = F_CPU;
+extern const uint32_t torquer_crystal_hz TORQUER_IN_FLASH;
+const uint32_t torquer_crystal_hz = TORQUER_CRYSTAL_HZ;
 
 // The only vector: the bootloader uses no interrupts. It has no static variables, so it leaves
 // those that the application keeps over a reset unchanged.
@@ -56,6 +55,7 @@ bool StayWanted() {
 
 int main() {
   using namespace torquer::bootloader;
+  torquer::board::SetCpuClock();
   const bool stay = StayWanted();
   torquer::protocol::ImageTrailer trailer;
   ReadTrailer(&trailer);
@@ -64,9 +64,6 @@ int main() {
   if (valid && !stay) StartApplication();
   MCUSR = 0;
   wdt_disable();
-  // With the factory's fuses the clock is divided by 8. The change takes two writes in four cycles.
-  CLKPR = _BV(CLKPCE);
-  CLKPR = 0;
   UsbServer server(valid);
   server.Run();
   wdt_enable(WDTO_15MS);

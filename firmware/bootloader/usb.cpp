@@ -7,6 +7,7 @@
 #include <string.h>
 #include <util/delay.h>
 
+#include "firmware/board/atmega32u4/clock.h"
 #include "firmware/bootloader/application.h"
 #include "firmware/src/usb_descriptors.h"
 #include "protocol/bootloader_reports.h"
@@ -101,9 +102,9 @@ void Acknowledge() {
 }
 
 // First bytes of a status report.
-constexpr uint8_t kStatusHead[] TORQUER_IN_FLASH = {
-    protocol::kBootloaderStatusReportId, protocol::kBootloaderProtocolVersion,
-    protocol::kBoardBenchAtmega32u4, F_CPU / 1000000};
+constexpr uint8_t kStatusHead[] TORQUER_IN_FLASH = {protocol::kBootloaderStatusReportId,
+                                                    protocol::kBootloaderProtocolVersion,
+                                                    protocol::kBoardBenchAtmega32u4, board::kClock};
 static_assert(sizeof(kStatusHead) == offsetof(protocol::BootloaderStatusReport, trailer),
               "all before the trailer");
 
@@ -133,13 +134,7 @@ const Descriptor kDescriptors[] TORQUER_IN_FLASH = {
 UsbServer::UsbServer(bool application_valid) : application_valid_(application_valid) {
   UHWCON = _BV(UVREGE);
   USBCON = _BV(USBE) | _BV(FRZCLK);
-#if F_CPU == 16000000UL
-  PLLCSR = _BV(PINDIV) | _BV(PLLE);
-#else
-  PLLCSR = _BV(PLLE);
-#endif
-  while (!(PLLCSR & _BV(PLOCK))) {  // within 100 us, as the crystal runs
-  }
+  board::StartPll();
   USBCON = _BV(USBE) | _BV(OTGPADE);
   UDCON = 0;  // full speed, attached
 }

@@ -5,6 +5,7 @@
 #include "firmware/board/board.h"
 #include "firmware/src/boot_id.h"
 #include "firmware/src/version.h"
+#include "protocol/firmware_image.h"
 
 namespace torquer {
 namespace firmware {
@@ -23,6 +24,9 @@ constexpr uint8_t kMostWaivedFrames = 8;
 constexpr uint8_t kApplicationGood = 1 << 0;
 constexpr uint8_t kSettingsGood = 1 << 1;
 constexpr uint8_t kSensorGood = 1 << 2;
+
+constexpr uint8_t kCapabilities = protocol::kCapabilityClosedAtRest | protocol::kCapabilitySupply |
+                                  protocol::kCapabilitySrom | protocol::kCapabilityPicture;
 
 constexpr uint8_t kButtonMask =
     protocol::kButtonXray | protocol::kButtonContrast | protocol::kButtonClutch;
@@ -163,7 +167,10 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
       identity.firmware_patch = kVersionPatch;
       identity.sensor_product_id = sensor_.product_id();
       identity.sensor_revision = sensor_.revision();
-      identity.clock_mhz = board::ClockMhz();
+      identity.crystal_mhz = protocol::CrystalMhz(board::ClockCode());
+      identity.cpu_mhz = protocol::CpuMhz(board::ClockCode());
+      identity.board = board::Board();
+      identity.capabilities = kCapabilities;
       memcpy(identity.serial, serial_, kSerialBytes);
       identity.self_test = static_cast<uint8_t>(
           (board::ApplicationIsWhole() ? kApplicationGood : 0) |
@@ -193,6 +200,7 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
       diagnostics.sensor_observation = sensor_.observation();
       diagnostics.joystick_rest_x = joystick_.x().rest();
       diagnostics.joystick_rest_y = joystick_.y().rest();
+      diagnostics.supply_mv = joystick_.supply_mv();
       return sizeof(diagnostics);
     }
     default:

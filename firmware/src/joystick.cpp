@@ -55,16 +55,40 @@ uint16_t JoystickAxis::Report(uint16_t deadzone) const {
                                   : kMiddle - Stretch(distance, gain_down_));
 }
 
-void Joystick::Start() { board::BeginAdc(board::Axis::kY); }
+void Joystick::Start() { Begin(board::Analog::kJoystickY); }
+
+void Joystick::Begin(board::Analog input) {
+  converting_ = input;
+  board::BeginAdc(input);
+}
 
 void Joystick::BeginFrame() {
-  y_.Take(board::FinishAdc());
-  board::BeginAdc(board::Axis::kX);
+  const uint16_t reading = board::FinishAdc();
+  if (converting_ == board::Analog::kJoystickY) {
+    y_.Take(reading);
+  } else {
+    band_gap_ = reading;
+  }
+  const bool measure_supply = ++frames_ == 0;
+  Begin(measure_supply ? board::Analog::kBandGap : board::Analog::kJoystickX);
 }
 
 void Joystick::EndFrame() {
-  x_.Take(board::FinishAdc());
-  board::BeginAdc(board::Axis::kY);
+  const uint16_t reading = board::FinishAdc();
+  if (converting_ == board::Analog::kBandGap) {  // not settled: once more
+    Begin(board::Analog::kBandGap);
+    return;
+  }
+  x_.Take(reading);
+  Begin(board::Analog::kJoystickY);
+}
+
+uint16_t Joystick::supply_mv() const {
+  // 16 bits suffice for steps of kStep_mv: a division of 32 takes the time of a tenth of a frame.
+  constexpr uint16_t kStep_mv = 20;
+  constexpr uint16_t kSteps =
+      static_cast<uint16_t>(static_cast<uint32_t>(board::kBandGap_mv) * 1024 / kStep_mv);
+  return band_gap_ == 0 ? 0 : static_cast<uint16_t>(kSteps / band_gap_ * kStep_mv);
 }
 
 }  // namespace firmware

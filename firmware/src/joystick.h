@@ -1,8 +1,10 @@
 // The two joystick axes: conversions that run beside the sensor's burst, the position at rest, and
-// the dead zone around it.
+// the dead zone around it; now and then, in their place, the chip's supply.
 #pragma once
 
 #include <stdint.h>
+
+#include "firmware/board/board.h"
 
 namespace torquer {
 namespace firmware {
@@ -48,17 +50,25 @@ class Joystick {
  public:
   /// To be called before the first frame, and before the first after a suspension.
   void Start();
-  /// Begins a frame: fetches y, converted since the end of the frame before, and begins x.
+  /// Begins a frame: fetches y, converted since the end of the frame before, and begins x. In every
+  /// 256th frame the supply takes the place of x, and of the y of the next frame.
   void BeginFrame();
   /// Fetches x and begins the y of the next frame.
   void EndFrame();
 
   const JoystickAxis& x() const { return x_; }
   const JoystickAxis& y() const { return y_; }
+  /// The chip's supply in mV, +-10 %, in steps of 20 mV; 0 before it is measured.
+  uint16_t supply_mv() const;
 
  private:
+  void Begin(board::Analog input);
+
   JoystickAxis x_{0};
   JoystickAxis y_{8};
+  uint16_t band_gap_ = 0;  // latest reading
+  uint8_t frames_ = 0;     // wraps
+  board::Analog converting_ = board::Analog::kJoystickY;
 };
 
 }  // namespace firmware

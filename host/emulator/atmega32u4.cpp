@@ -31,8 +31,8 @@ constexpr int kUsbControl = 0xd8;
 constexpr int kFirstRam = 0x100, kLastRam = 0xaff;
 constexpr int kVectorUsbGeneral = 10, kVectorUsbEndpoint = 11, kVectorWatchdog = 12;
 
+constexpr std::uint8_t kDividedBy8 = 3;  // CLKPR of a chip as it is sold
 constexpr std::uint8_t kPinReset = 2, kBrownOutReset = 4, kWatchdogReset = 8;
-constexpr int kSupplyMillivolts = 5000;
 
 void DiscardLog(avr_t*, int, const char*, va_list) {}
 
@@ -46,8 +46,11 @@ void DoNotPollPins(avr_t* avr) {
 }  // namespace
 
 Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_t>& eeprom,
-                       std::uint32_t seed)
-    : hooks_(std::make_unique<Hooks>(*this)), eeprom_(eeprom), noise_(seed * 2654435761u | 1) {
+                       std::uint32_t seed, double supply_mv)
+    : hooks_(std::make_unique<Hooks>(*this)),
+      eeprom_(eeprom),
+      supply_mv_(supply_mv),
+      noise_(seed * 2654435761u | 1) {
   eeprom_.resize(kEepromBytes, 0xff);
   static std::once_flag log_silenced;
   std::call_once(log_silenced, [] { avr_global_logger_set(&DiscardLog); });
@@ -57,9 +60,10 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   avr_init(avr_);
   avr_->custom.data = hooks_.get();
   avr_->log = LOG_NONE;
-  avr_->frequency = image.clock_hz();
-  clock_mhz_ = image.clock_hz() / 1e6;
-  avr_->vcc = avr_->avcc = avr_->aref = kSupplyMillivolts;
+  avr_->frequency = image.cpu_hz();
+  cpu_mhz_ = image.cpu_hz() / 1e6;
+  crystal_mhz_ = image.crystal_hz() / 1e6;
+  avr_->vcc = avr_->avcc = avr_->aref = static_cast<std::uint32_t>(std::lround(supply_mv_));
   avr_->sleep = &Hooks::OnSleep;
   std::copy(image.flash().begin(), image.flash().end(), avr_->flash);
   avr_->codeend = static_cast<std::uint32_t>(image.flash().size());
@@ -85,13 +89,14 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   hooks_->Replace(avr_, kPllcsr, nullptr, &Hooks::WritePll);
   hooks_->Replace(avr_, kSpdr, &Hooks::ReadSpiData, &Hooks::WriteSpiData);
   hooks_->Replace(avr_, kEecr, nullptr, &Hooks::WriteEepromControl);
-  flash_ = std::make_unique<FlashMemory>(avr_, clock_mhz_, image.boot_start(), noise_,
+  flash_ = std::make_unique<FlashMemory>(avr_, cpu_mhz_, image.boot_start(), noise_,
                                          [this](const std::string& what) { Violation(what); });
   hooks_->stock_watchdog = avr_->io[AVR_DATA_TO_IO(kWdtcsr)];
   hooks_->Replace(avr_, kWdtcsr, nullptr, &Hooks::WriteWatchdog);
   hooks_->stock_adc = avr_->io[AVR_DATA_TO_IO(kAdcsra)];
   hooks_->Replace(avr_, kAdcsra, &Hooks::ReadAdcControl, nullptr);
   hooks_->Replace(avr_, kMcucr, nullptr, &Hooks::WriteMcuControl);
+  hooks_->Replace(avr_, kClkpr, nullptr, &Hooks::WriteClockPrescaler);
   hooks_->Replace(avr_, kAdmux, nullptr, &Hooks::WriteAdcMux);
 
   for (int address = kFirstRam; address <= kLastRam; ++address) {
@@ -117,6 +122,7 @@ void Atmega32u4::AfterReset() {
   avr_->data[kMcusr] = hooks_->reset_cause;
   hooks_->reset_cause = kWatchdogReset;  // unless set otherwise, the next one is the watchdog's
   hooks_->spi_busy = false;
+  avr_->data[kClkpr] = kDividedBy8;
   hooks_->FinishEepromWrite();
   flash_->Reset();
   usb_.Reset();
@@ -172,10 +178,10 @@ std::vector<std::string> Atmega32u4::Violations() const {
 
 std::uint64_t Atmega32u4::cycles() const { return avr_->cycle; }
 
-double Atmega32u4::now_us() const { return static_cast<double>(avr_->cycle) / clock_mhz_; }
+double Atmega32u4::now_us() const { return static_cast<double>(avr_->cycle) / cpu_mhz_; }
 
 void Atmega32u4::RunUntil(double us) {
-  const auto end = static_cast<avr_cycle_count_t>(us * clock_mhz_);
+  const auto end = static_cast<avr_cycle_count_t>(us * cpu_mhz_);
   if (end <= avr_->cycle) return;
   // Without a timer at the end, a sleeping chip would jump past it to its own next one.
   avr_cycle_timer_register(avr_, end - avr_->cycle, &Hooks::OnStop, hooks_.get());
@@ -191,7 +197,7 @@ void Atmega32u4::RunUntil(double us) {
 }
 
 std::uint32_t Atmega32u4::StepInstruction() {
-  RunUntil(now_us() + 1.5 / clock_mhz_);
+  RunUntil(now_us() + 1.5 / cpu_mhz_);
   return avr_->pc;
 }
 
@@ -232,7 +238,7 @@ void Atmega32u4::OnPin(char port, int bit, std::function<void(bool, double)> cha
 
 void Atmega32u4::SetAnalog(int channel, double fraction) {
   analog_[channel] = fraction;
-  const double millivolts = std::clamp(fraction, 0.0, 1.0) * kSupplyMillivolts;
+  const double millivolts = std::clamp(fraction, 0.0, 1.0) * supply_mv_;
   avr_raise_irq(avr_io_getirq(avr_, AVR_IOCTL_ADC_GETIRQ, channel),
                 static_cast<std::uint32_t>(std::lround(millivolts)));
 }

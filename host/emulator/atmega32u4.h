@@ -43,17 +43,20 @@ class FirmwareImage {
   std::uint32_t Symbol(const std::string& name) const;
   bool HasSymbol(const std::string& name) const { return symbols_.count(name) != 0; }
 
-  /// The clock that the image was built for, Hz.
-  std::uint32_t clock_hz() const { return clock_hz_; }
+  /// The clocks that the image was built for, Hz: of the CPU, and of the crystal that feeds it.
+  std::uint32_t cpu_hz() const { return cpu_hz_; }
+  std::uint32_t crystal_hz() const { return crystal_hz_; }
   /// Changes the start value of an initialized 32-bit variable, and the image's CRC with it.
   void SetInitialValue(const std::string& variable, std::uint32_t value);
 
  private:
-  void ReadClock();
+  void ReadClocks();
+  std::uint32_t ClockNamed(const std::string& symbol) const;
   void SignAnew();
 
   std::string path_;
-  std::uint32_t clock_hz_ = 16000000;
+  std::uint32_t cpu_hz_ = 16000000;
+  std::uint32_t crystal_hz_ = 16000000;
   std::uint32_t boot_start_ = 0;
   std::vector<std::uint8_t> flash_;
   std::map<std::string, std::uint32_t> symbols_;
@@ -72,9 +75,10 @@ class Atmega32u4 {
  public:
   static constexpr int kEepromBytes = 1024;
 
-  /// Powers the chip on: RAM holds noise made from `seed`, the EEPROM what is given.
+  /// Powers the chip on: RAM holds noise made from `seed`, the EEPROM what is given. The supply is
+  /// the converter's reference, too.
   Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_t>& eeprom,
-             std::uint32_t seed);
+             std::uint32_t seed, double supply_mv = 5000);
   ~Atmega32u4();
   Atmega32u4(const Atmega32u4&) = delete;
   Atmega32u4& operator=(const Atmega32u4&) = delete;
@@ -150,7 +154,9 @@ class Atmega32u4 {
   std::vector<std::uint8_t> eeprom_;
   std::map<std::pair<char, int>, bool> pins_;
   std::map<int, double> analog_;
-  double clock_mhz_ = 16;
+  double cpu_mhz_ = 16;
+  double crystal_mhz_ = 16;
+  double supply_mv_ = 5000;
   std::uint64_t sleep_cycles_ = 0;
   std::uint32_t noise_ = 1;
   int eeprom_writes_ = 0;

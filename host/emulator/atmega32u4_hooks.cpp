@@ -4,6 +4,7 @@
 #include <simavr/sim_time.h>
 
 #include <cstddef>
+#include <string>
 
 namespace torquer::emulator {
 namespace {
@@ -48,9 +49,14 @@ void Atmega32u4::Hooks::WritePll(avr_t* avr, avr_io_addr_t address, std::uint8_t
   constexpr std::uint8_t kLock = 0x01, kEnable = 0x02, kInputDivider = 0x10;
   Atmega32u4& chip = From(parameter).chip;
   const bool enabled = value & kEnable;
-  const bool divider_fits = ((value & kInputDivider) != 0) == (chip.clock_mhz_ == 16);
+  const bool divider_fits = ((value & kInputDivider) != 0) == (chip.crystal_mhz_ == 16);
   if (enabled && !divider_fits) {
     chip.Violation("PLLCSR: the divider does not fit the crystal, the USB has no 48 MHz");
+  }
+  const int divider = 1 << (avr->data[kClkpr] & 0x0f);
+  if (enabled && chip.crystal_mhz_ / divider != chip.cpu_mhz_) {
+    chip.Violation("CLKPR: the crystal's clock is divided by " + std::to_string(divider) +
+                   ", so the CPU does not run at the image's clock");
   }
   const bool locked = enabled && divider_fits && chip.dead_ != Part::kPll;
   avr->data[address] = static_cast<std::uint8_t>((value & ~kLock) | (locked ? kLock : 0));
@@ -76,8 +82,8 @@ void Atmega32u4::Hooks::WriteSpiData(avr_t* avr, avr_io_addr_t address, std::uin
   constexpr int kDividers[] = {4, 16, 64, 128};
   const int divider = kDividers[control & 3] / (avr->data[kSpsr] & kDouble ? 2 : 1);
   const double start_us = hooks.chip.now_us();
-  hooks.exchange = {value, start_us, start_us + 8 * divider / hooks.chip.clock_mhz_,
-                    hooks.chip.clock_mhz_ * 1e6 / divider, (control >> 2) & 3};
+  hooks.exchange = {value, start_us, start_us + 8 * divider / hooks.chip.cpu_mhz_,
+                    hooks.chip.cpu_mhz_ * 1e6 / divider, (control >> 2) & 3};
   hooks.spi_busy = true;
   avr_cycle_timer_register(avr, static_cast<avr_cycle_count_t>(8 * divider), &OnSpiDone, &hooks);
 }
@@ -115,7 +121,7 @@ void Atmega32u4::Hooks::WriteEepromControl(avr_t* avr, avr_io_addr_t address, st
     ++hooks.chip.eeprom_writes_;
     avr->data[address] = kProgram;
     avr_cycle_timer_register(avr,
-                             static_cast<avr_cycle_count_t>(kEepromWriteUs * hooks.chip.clock_mhz_),
+                             static_cast<avr_cycle_count_t>(kEepromWriteUs * hooks.chip.cpu_mhz_),
                              &OnEepromWritten, &hooks);
     return;
   }
@@ -168,6 +174,23 @@ void Atmega32u4::Hooks::WriteMcuControl(avr_t* avr, avr_io_addr_t address, std::
   const std::uint8_t old = avr->data[address] & kJtagDisable;
   avr->data[address] =
       static_cast<std::uint8_t>((value & ~kJtagDisable) | (again ? value & kJtagDisable : old));
+}
+
+void Atmega32u4::Hooks::WriteClockPrescaler(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
+                                            void* parameter) {
+  constexpr std::uint8_t kChangeEnable = 0x80, kDivider = 0x0f;
+  constexpr avr_cycle_count_t kWindow = 4;
+  Hooks& hooks = From(parameter);
+  if (value == kChangeEnable) {
+    hooks.prescaler_asked_cycle = avr->cycle;
+    return;
+  }
+  if (!hooks.prescaler_asked_cycle || avr->cycle - *hooks.prescaler_asked_cycle > kWindow) {
+    hooks.chip.Violation("CLKPR written without CLKPCE alone within four cycles before");
+    return;
+  }
+  hooks.prescaler_asked_cycle.reset();
+  avr->data[address] = value & kDivider;
 }
 
 void Atmega32u4::Hooks::WriteAdcMux(avr_t* avr, avr_io_addr_t address, std::uint8_t value,

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -18,7 +19,7 @@ namespace torquer::emulator {
 inline constexpr int kEecr = 0x3f, kEedr = 0x40, kEearl = 0x41, kEearh = 0x42;
 inline constexpr int kPllcsr = 0x49;
 inline constexpr int kSpcr = 0x4c, kSpsr = 0x4d, kSpdr = 0x4e;
-inline constexpr int kSmcr = 0x53, kMcusr = 0x54, kMcucr = 0x55, kWdtcsr = 0x60;
+inline constexpr int kSmcr = 0x53, kMcusr = 0x54, kMcucr = 0x55, kWdtcsr = 0x60, kClkpr = 0x61;
 inline constexpr int kAdcsra = 0x7a, kAdmux = 0x7c, kTccr1b = 0x81;
 
 inline constexpr std::uint8_t kPowerOnReset = 1;  // of MCUSR
@@ -63,6 +64,8 @@ struct Atmega32u4::Hooks {
   // JTAG, which has four pins of port F until it is disabled by two writes within four cycles.
   static void WriteMcuControl(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
                               void* parameter);
+  static void WriteClockPrescaler(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
+                                  void* parameter);
   static void WriteAdcMux(avr_t* avr, avr_io_addr_t address, std::uint8_t value, void* parameter);
 
   // ADC: simavr's, until it is dead.
@@ -84,7 +87,8 @@ struct Atmega32u4::Hooks {
   double watchdog_pending_us = -1;  // since when
   std::remove_reference_t<decltype(avr_t::io[0])> stock_watchdog{};
   std::remove_reference_t<decltype(avr_t::io[0])> stock_adc{};
-  bool jtag_asked = false;  // by a write to MCUCR
+  std::optional<avr_cycle_count_t> prescaler_asked_cycle;  // CLKPCE was written then
+  bool jtag_asked = false;                                 // by a write to MCUCR
   std::uint8_t jtag_asked_for = 0;
   avr_cycle_count_t jtag_asked_cycle = 0;
   std::vector<std::unique_ptr<std::pair<Hooks*, std::function<void(bool, double)>>>> pin_listeners;

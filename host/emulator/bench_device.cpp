@@ -63,7 +63,7 @@ BenchDevice::BenchDevice(const FirmwareImage& image, const BenchOptions& options
       options_(options),
       sensor_(options.sensor, options.seed),
       eeprom_(options.eeprom),
-      clock_mhz_(image.clock_hz() / 1e6) {
+      cpu_mhz_(image.cpu_hz() / 1e6) {
   if (!(options.cylinder_radius_mm > 0) || !std::isfinite(options.cylinder_radius_mm)) {
     throw UserError("--cylinder-radius-mm must be a positive number of millimeters.");
   }
@@ -81,7 +81,8 @@ BenchDevice::BenchDevice(const FirmwareImage& image, const BenchOptions& options
 void BenchDevice::PowerOn() {
   if (powered()) return;
   power_on_us_ = now_us_;
-  chip_ = std::make_unique<Atmega32u4>(image_, eeprom_, options_.seed + power_ons_++);
+  chip_ = std::make_unique<Atmega32u4>(image_, eeprom_, options_.seed + power_ons_++,
+                                       options_.supply_mv);
   std::array<std::uint8_t, FlashMemory::kSignatureRowBytes> row;
   row.fill(0xff);
   for (std::size_t i = kFactorySerial; i < kFactorySerial + 10; ++i) {

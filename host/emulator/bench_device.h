@@ -33,6 +33,8 @@ struct BenchOptions {
   std::optional<double> reference_switch_mm;
   /// Longest bounce of buttons, pedal and end switch after a change.
   double contact_bounce_us = 0;
+  /// Supply of the chip.
+  double supply_mv = 5000;
   /// protocol::Button bits of the contacts that are closed at rest.
   std::uint8_t closed_at_rest = 0;
   /// Duration of an erase or a write of a page of the flash.
@@ -81,7 +83,7 @@ class BenchDevice {
   /// board's LEDs. Empty if all sleep. Call only while powered.
   std::vector<std::string> PartsAwake() const;
   HandState HandNow() const { return hand_(now_us_ * 1e-6); }
-  double clock_mhz() const { return clock_mhz_; }
+  double cpu_mhz() const { return cpu_mhz_; }
 
   /// Share of the CPU's cycles in which it was awake, since the start; 0 .. 1.
   double CyclesUsedFraction() const;
@@ -104,7 +106,7 @@ class BenchDevice {
   bool cut_due_ = false;
   double now_us_ = 0;
   double power_on_us_ = 0;
-  double clock_mhz_ = 16;
+  double cpu_mhz_ = 16;
   std::uint32_t power_ons_ = 0;
   std::uint64_t past_cycles_ = 0;  // of former power-ons
   std::uint64_t past_sleep_cycles_ = 0;

@@ -91,19 +91,26 @@ FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
       if (name && *name) symbols_[name] = static_cast<std::uint32_t>(symbol.st_value);
     }
   }
-  ReadClock();
+  ReadClocks();
 }
 
-void FirmwareImage::ReadClock() {
-  if (!HasSymbol("torquer_clock_hz")) return;
-  const std::uint32_t address = Symbol("torquer_clock_hz");
-  if (address + sizeof(clock_hz_) <= flash_.size()) {
-    std::memcpy(&clock_hz_, &flash_[address], sizeof(clock_hz_));
+void FirmwareImage::ReadClocks() {
+  if (!HasSymbol("torquer_cpu_hz")) return;
+  cpu_hz_ = ClockNamed("torquer_cpu_hz");
+  crystal_hz_ = ClockNamed("torquer_crystal_hz");
+}
+
+std::uint32_t FirmwareImage::ClockNamed(const std::string& symbol) const {
+  const std::uint32_t address = Symbol(symbol);
+  std::uint32_t clock_hz = 0;
+  if (address + sizeof(clock_hz) <= flash_.size()) {
+    std::memcpy(&clock_hz, &flash_[address], sizeof(clock_hz));
   }
-  if (clock_hz_ != 8000000 && clock_hz_ != 16000000) {
-    throw UserError(path_ + ": torquer_clock_hz is " + std::to_string(clock_hz_) +
+  if (clock_hz != 8000000 && clock_hz != 16000000) {
+    throw UserError(path_ + ": " + symbol + " is " + std::to_string(clock_hz) +
                     ", where 8 or 16 MHz were expected.");
   }
+  return clock_hz;
 }
 
 std::string FirmwareImage::OfThisBuild() {
@@ -128,10 +135,13 @@ std::uint32_t FirmwareImage::Symbol(const std::string& name) const {
 }
 
 void FirmwareImage::Add(const FirmwareImage& other) {
-  if (clock_hz() != other.clock_hz()) {
-    throw UserError(other.path_ + ": built for " + std::to_string(other.clock_hz() / 1000000) +
-                    " MHz, but " + path_ + " for " + std::to_string(clock_hz() / 1000000) +
-                    ". Take two of the same.");
+  if (cpu_hz() != other.cpu_hz() || crystal_hz() != other.crystal_hz()) {
+    const auto clocks = [](const FirmwareImage& image) {
+      return "a CPU of " + std::to_string(image.cpu_hz() / 1000000) + " MHz and a crystal of " +
+             std::to_string(image.crystal_hz() / 1000000) + " MHz";
+    };
+    throw UserError(other.path_ + ": built for " + clocks(other) + ", but " + path_ + " for " +
+                    clocks(*this) + ". Take two of the same.");
   }
   flash_.resize(std::max(flash_.size(), other.flash_.size()), 0xff);
   for (std::size_t i = 0; i < other.flash_.size(); ++i) {

@@ -51,10 +51,10 @@ struct FlashMemory::Hooks {
   }
 };
 
-FlashMemory::FlashMemory(avr_t* avr, double clock_mhz, std::uint32_t boot_start, std::uint32_t seed,
+FlashMemory::FlashMemory(avr_t* avr, double cpu_mhz, std::uint32_t boot_start, std::uint32_t seed,
                          Violation violation)
     : avr_(avr),
-      clock_mhz_(clock_mhz),
+      cpu_mhz_(cpu_mhz),
       boot_start_(boot_start),
       noise_(seed * 2246822519u | 1),
       violation_(std::move(violation)) {
@@ -135,7 +135,7 @@ void FlashMemory::Begin(Operation operation, std::uint32_t address) {
   page_ = address - address % kPageBytes;
   operation_ = operation;
   HideReadWhileWrite();
-  const auto cycles = static_cast<avr_cycle_count_t>(operation_us_ * clock_mhz_);
+  const auto cycles = static_cast<avr_cycle_count_t>(operation_us_ * cpu_mhz_);
   avr_cycle_timer_register(avr_, cycles / 2, &Hooks::OnHalfDone, this);
   avr_cycle_timer_register(avr_, cycles, &Hooks::OnDone, this);
 }

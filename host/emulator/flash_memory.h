@@ -27,7 +27,7 @@ class FlashMemory {
 
   /// Takes SPMCSR and SPM of `avr` over. `boot_start` is where the boot section begins, 0 if the
   /// chip has none; `violation` gets what silicon would punish.
-  FlashMemory(avr_t* avr, double clock_mhz, std::uint32_t boot_start, std::uint32_t seed,
+  FlashMemory(avr_t* avr, double cpu_mhz, std::uint32_t boot_start, std::uint32_t seed,
               Violation violation);
   FlashMemory(const FlashMemory&) = delete;
   FlashMemory& operator=(const FlashMemory&) = delete;
@@ -67,7 +67,7 @@ class FlashMemory {
   std::uint8_t Target(std::uint8_t old, int at) const;
 
   avr_t* avr_;
-  double clock_mhz_;
+  double cpu_mhz_;
   double operation_us_ = kOperationUs;
   std::uint32_t boot_start_;
   std::uint32_t noise_;

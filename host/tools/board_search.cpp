@@ -89,7 +89,7 @@ FoundBoard BoardSearch::Examine(const Board& board) {
   if (!board.problem.empty()) throw UserError(Where(board) + ": " + board.problem);
   FoundBoard found;
   found.board = board;
-  found.clock_mhz = board.clock_mhz;
+  found.crystal_mhz = board.crystal_mhz;
   try {
     switch (board.mode) {
       case BoardMode::kFirmware:
@@ -142,11 +142,18 @@ FoundBoard BoardSearch::ExamineFirmware(const Board& board) {
   const auto link = boards_.Open(board);
   const auto identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
   found.serial = board.serial;
-  found.clock_mhz = identity.clock_mhz;
+  if (identity.board > protocol::kBoardBenchAtmega32u4) {
+    throw UserError(fmt::format(
+        "{} at {}: its firmware is for board {}; this program supports board {}. Use the "
+        "torquer-flash of the release that the firmware is from.",
+        found.serial, Where(board), int{identity.board}, int{protocol::kBoardBenchAtmega32u4}));
+  }
+  found.crystal_mhz = identity.crystal_mhz;
+  found.cpu_mhz = identity.cpu_mhz != 0 ? identity.cpu_mhz : identity.crystal_mhz;
   found.installed =
       FirmwareVersion{identity.firmware_major, identity.firmware_minor, identity.firmware_patch};
-  found.state = fmt::format("{} at {}, running firmware {} at {} MHz", found.serial, Where(board),
-                            found.installed->Text(), found.clock_mhz);
+  found.state = fmt::format("{} at {}, running firmware {} at {}", found.serial, Where(board),
+                            found.installed->Text(), ClockText(found.crystal_mhz, found.cpu_mhz));
   if (!(identity.self_test & kApplicationGood)) found.state += ", which is damaged";
   return found;
 }
@@ -167,8 +174,10 @@ FoundBoard BoardSearch::ExamineBootloader(const Board& board) {
                     name, int{status.protocol_version}, int{status.board},
                     protocol::kBootloaderProtocolVersion, protocol::kBoardBenchAtmega32u4));
   }
-  found.clock_mhz = status.clock_mhz;
-  found.state = fmt::format("{}, in our bootloader at {} MHz, ", name, found.clock_mhz);
+  found.crystal_mhz = protocol::CrystalMhz(status.clock);
+  found.cpu_mhz = protocol::CpuMhz(status.clock);
+  found.state = fmt::format("{}, in our bootloader at {}, ", name,
+                            ClockText(found.crystal_mhz, found.cpu_mhz));
   if (status.application_valid) {
     found.installed = VersionOf(status.trailer);
     found.state += "with firmware " + found.installed->Text() + " ready to start";

@@ -12,7 +12,8 @@ namespace torquer::tools {
 struct FoundBoard {
   Board board;
   std::string serial;
-  int clock_mhz = 0;
+  int crystal_mhz = 0;                       ///< 0: unknown
+  int cpu_mhz = 0;                           ///< 0: unknown
   std::optional<FirmwareVersion> installed;  ///< version of a valid application
   std::string state;                         ///< description for the user
 };

@@ -167,6 +167,9 @@ int Run(Arguments& arguments) {
                GoodOr(outcome->application_good, "damaged"),
                GoodOr(outcome->settings_good, "lost, the defaults are in use"),
                GoodOr(outcome->sensor_good, "does not answer: check its wiring"));
+    if (!outcome->supply_warning.empty()) {
+      torquer::PrintError("torquer-flash: warning: {}\n", outcome->supply_warning);
+    }
   }
   return torquer::kExitSuccess;
 }

@@ -25,7 +25,7 @@ struct Board {
   std::string place;    ///< USB port, such as "1-2.3"; the same in every mode
   std::string serial;   ///< serial number with our firmware; else empty
   std::string port;     ///< serial port with Caterina or an Arduino program; empty: none yet
-  int clock_mhz = 0;    ///< from its USB ids; 0: unknown
+  int crystal_mhz = 0;  ///< from its USB ids; 0: unknown
   std::string problem;  ///< reason why it is unusable, with the remedy; empty if usable
 };
 

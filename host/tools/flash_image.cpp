@@ -26,6 +26,11 @@ constexpr char kRemedy[] = "give the torquer-firmware*.hex that the firmware's b
 
 enum HexRecord { kData = 0, kEndOfFile = 1, kSegment = 2, kStartSegment = 3, kLinear = 4 };
 
+bool IsKnownClock(std::uint8_t clock) {
+  return clock == protocol::ClockCode(8, 8) || clock == protocol::ClockCode(16, 16) ||
+         clock == protocol::ClockCode(16, 8);
+}
+
 std::optional<ImageTrailer> TrailerIn(std::span<const std::uint8_t> flash) {
   ImageTrailer trailer{};
   if (flash.size() < kImageTrailerAddress + sizeof(trailer)) return std::nullopt;
@@ -69,6 +74,12 @@ bool FirmwareVersion::IsOlderThan(const FirmwareVersion& other) const {
   return std::tie(major, minor, patch) < std::tie(other.major, other.minor, other.patch);
 }
 
+std::string ClockText(int crystal_mhz, int cpu_mhz) {
+  return crystal_mhz == cpu_mhz
+             ? fmt::format("{} MHz", cpu_mhz)
+             : fmt::format("{} MHz from a crystal of {} MHz", cpu_mhz, crystal_mhz);
+}
+
 FirmwareVersion VersionOf(const ImageTrailer& trailer) {
   return {trailer.firmware_major, trailer.firmware_minor, trailer.firmware_patch};
 }
@@ -83,11 +94,11 @@ FlashImage FlashImage::FromFlash(std::span<const std::uint8_t> flash, const std:
     throw UserError(fmt::format(
         "{}: is not firmware of the bench device (it has no image trailer); {}", name, kRemedy));
   }
-  if (trailer->board != protocol::kBoardBenchAtmega32u4 ||
-      (trailer->clock_mhz != 8 && trailer->clock_mhz != 16)) {
-    throw UserError(
-        fmt::format("{}: is for board {} at {} MHz, ours is board {} at 8 or 16 MHz; {}", name,
-                    trailer->board, trailer->clock_mhz, protocol::kBoardBenchAtmega32u4, kRemedy));
+  if (trailer->board != protocol::kBoardBenchAtmega32u4 || !IsKnownClock(trailer->clock)) {
+    throw UserError(fmt::format(
+        "{}: is for board {} with clock {}, ours is board {} with clock 8, 16 or {}; {}", name,
+        trailer->board, trailer->clock, protocol::kBoardBenchAtmega32u4, protocol::ClockCode(16, 8),
+        kRemedy));
   }
   if (!protocol::ImageIsWhole(*trailer, [flash](std::uint16_t at) { return flash[at]; })) {
     throw UserError(fmt::format(

@@ -19,6 +19,9 @@ struct FirmwareVersion {
   std::string Text() const;
 };
 
+/// Clock for messages: "16 MHz", or "8 MHz from a crystal of 16 MHz".
+std::string ClockText(int crystal_mhz, int cpu_mhz);
+
 FirmwareVersion VersionOf(const protocol::ImageTrailer& trailer);
 
 /// Complete image with a correct CRC for our board.
@@ -31,6 +34,8 @@ class FlashImage {
 
   const protocol::ImageTrailer& trailer() const { return trailer_; }
   FirmwareVersion version() const { return VersionOf(trailer_); }
+  int crystal_mhz() const { return protocol::CrystalMhz(trailer_.clock); }
+  int cpu_mhz() const { return protocol::CpuMhz(trailer_.clock); }
   /// Pages of the application, from address 0.
   int pages() const { return static_cast<int>(bytes_.size() / protocol::kFlashPageBytes); }
   /// Contents of one page; index pages() is the page of the trailer.

@@ -21,6 +21,8 @@ using protocol::PageReport;
 constexpr int kChangeMs = 30000;
 // Timeout for the sensor, which needs some 100 ms after the start.
 constexpr int kSensorMs = 2000;
+// Time in which the firmware measures its supply.
+constexpr int kSupplyMs = 300;
 
 constexpr char kAgain[] = "Run the same command again: it finishes the update.";
 // State of a lost board, depending on the time of the loss.
@@ -36,6 +38,14 @@ constexpr char kNew[] = "The new firmware is complete and starts when the board 
 void Command(FeatureLink& link, protocol::BootloaderCommand command, std::uint16_t address = 0) {
   Set(link, protocol::BootloaderCommandReport{
                 protocol::kBootloaderCommandReportId, command, protocol::kCommandKey, address, {}});
+}
+
+std::string BootloaderRefuses(int its_mhz, int image_mhz) {
+  return fmt::format(
+      "the image is for a CPU of {} MHz, but the board's bootloader is for {} MHz and would not "
+      "start it. Nothing was changed. Use another image, or install the other bootloader by ISP "
+      "(firmware/bootloader/README.md).",
+      image_mhz, its_mhz);
 }
 
 void WritePage(FeatureLink& link, const FlashImage& image, int index) {
@@ -156,22 +166,29 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
 
 FlashImage FlashProcedure::LoadImage(const FoundBoard& found) const {
   if (!request_.image.empty()) return FlashImage::FromFile(request_.image);
-  if (found.clock_mhz == 0) {
+  if (found.crystal_mhz == 0) {
     throw UserError(
-        "it is not known whether this board runs at 8 or 16 MHz. Name the image: "
-        "torquer-firmware.hex for 16 MHz, torquer-firmware-8mhz.hex for 8 MHz.");
+        "it is not known whether this board has a crystal of 8 or 16 MHz. Name the image: "
+        "torquer-firmware.hex for 16 MHz at 5 V, torquer-firmware-16to8mhz.hex for 16 MHz at 3.3 "
+        "V, "
+        "torquer-firmware-8mhz.hex for 8 MHz.");
   }
-  const std::string name =
-      found.clock_mhz == 8 ? "torquer-firmware-8mhz.hex" : "torquer-firmware.hex";
+  const bool half = found.cpu_mhz != 0 && found.cpu_mhz != found.crystal_mhz;
+  const std::string name = found.crystal_mhz == 8 ? "torquer-firmware-8mhz.hex"
+                           : half                 ? "torquer-firmware-16to8mhz.hex"
+                                                  : "torquer-firmware.hex";
   return FlashImage::FromFile(std::filesystem::path(request_.image_folder) / name);
 }
 
 void FlashProcedure::CheckFits(const FoundBoard& found, const FlashImage& image) const {
-  if (found.clock_mhz != 0 && found.clock_mhz != image.trailer().clock_mhz) {
+  if (found.crystal_mhz != 0 && found.crystal_mhz != image.crystal_mhz()) {
     throw UserError(
-        fmt::format("the image is for a board of {} MHz, but this board has {} MHz, so USB would "
-                    "not work. Use the other image.",
-                    int{image.trailer().clock_mhz}, found.clock_mhz));
+        fmt::format("the image is for a crystal of {} MHz, but this board has {} MHz, so USB would "
+                    "not work. Use another image.",
+                    image.crystal_mhz(), found.crystal_mhz));
+  }
+  if (found.board.mode == BoardMode::kBootloader && found.cpu_mhz != image.cpu_mhz()) {
+    throw UserError(BootloaderRefuses(found.cpu_mhz, image.cpu_mhz()));
   }
   if (found.installed && image.version().IsOlderThan(*found.installed) && !request_.force) {
     throw UserError(
@@ -277,6 +294,11 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
   };
   try {
     const auto link = boards_.Open(board);
+    const auto status = Get<BootloaderStatusReport>(*link, protocol::kBootloaderStatusReportId);
+    if (status.clock != image.trailer().clock) {
+      Command(*link, protocol::kBootloaderRestart);
+      throw UserError(BootloaderRefuses(protocol::CpuMhz(status.clock), image.cpu_mhz()));
+    }
     for (int i = 0; i < pages; ++i) {
       begin("written", i);
       state = i == 0 ? kOldOrNone : kNoApplication;
@@ -313,6 +335,25 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
   }
 }
 
+// Warning if the supply is certainly too low for 16 MHz; empty otherwise, and if it is not known.
+std::string FlashProcedure::JudgeSupply(const Board& board, const FlashImage& image) {
+  constexpr int kNeeded_mv = 4500, kLowest_mv = 4090;  // the reference is off by up to 10 %
+  if (image.cpu_mhz() != 16) return {};
+  boards_.Sleep(kSupplyMs);
+  try {
+    const auto link = boards_.Open(board);
+    const int supply_mv =
+        Get<protocol::DiagnosticsReport>(*link, protocol::kDiagnosticsReportId).supply_mv;
+    if (supply_mv == 0 || supply_mv >= kLowest_mv) return {};
+    return fmt::format(
+        "its supply is about {:.1f} V, and a CPU of 16 MHz needs {:.1f} V: install "
+        "torquer-firmware-16to8mhz.hex",
+        supply_mv * 1e-3, kNeeded_mv * 1e-3);
+  } catch (const std::runtime_error&) {  // no error: the firmware runs, and its supply is not known
+    return {};
+  }
+}
+
 FlashOutcome FlashProcedure::ReadSelfTest(const FoundBoard& before, const FlashImage& image) {
   hooks_.say("waiting for the new firmware");
   const auto no_answer = [](const std::string& why) {
@@ -346,6 +387,7 @@ FlashOutcome FlashProcedure::ReadSelfTest(const FoundBoard& before, const FlashI
         outcome.serial, outcome.version.Text(), outcome.application_good ? "good" : "failed",
         image.version().Text(), kAgain));
   }
+  outcome.supply_warning = JudgeSupply(*board, image);
   return outcome;
 }
 

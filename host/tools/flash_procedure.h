@@ -55,6 +55,7 @@ struct FlashOutcome {
   bool application_good = false;
   bool settings_good = false;
   bool sensor_good = false;
+  std::string supply_warning;  ///< a supply too low for the CPU's clock, with the remedy; or empty
 };
 
 class FlashProcedure {
@@ -83,6 +84,7 @@ class FlashProcedure {
   Board EnterBootloader(const FoundBoard& found);
   Board AskSketch(const FoundBoard& found);
   void WriteByBootloader(const Board& board, const FlashImage& image);
+  std::string JudgeSupply(const Board& board, const FlashImage& image);
   FlashOutcome ReadSelfTest(const FoundBoard& before, const FlashImage& image);
   std::optional<Board> WaitFor(const FoundBoard& before, int milliseconds, bool firmware);
   bool IsSame(const Board& board, const FoundBoard& before);

@@ -20,8 +20,7 @@ std::string BrownOut(double level_v, bool& good) {
   if (level_v == 0) {
     good = false;
     return "brown-out detection is off: a failing supply lets the CPU do anything. Write efuse "
-           "0xcb "
-           "on a board of 8 MHz, 0xc8 on one of 16 MHz";
+           "0xcb where the CPU runs at 8 MHz, 0xc8 where it runs at 16 MHz";
   }
   const std::string level = fmt::format("brown-out at {:.1f} V: ", level_v);
   if (level_v == kFor16Mhz_v) {

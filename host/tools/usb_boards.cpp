@@ -34,7 +34,7 @@ std::string NoPermission() {
 struct KnownBoard {
   std::uint16_t vendor, product;
   BoardMode mode;
-  int clock_mhz;
+  int crystal_mhz;
   const char* name;  // product string required for our boards; null: any
 };
 constexpr KnownBoard kKnownBoards[] = {
@@ -156,7 +156,7 @@ std::vector<Board> UsbBoards::List() {
     Board board;
     board.mode = known.mode;
     board.place = PlaceOf(device);
-    board.clock_mhz = known.clock_mhz;
+    board.crystal_mhz = known.crystal_mhz;
     if (known.mode == BoardMode::kCaterina || known.mode == BoardMode::kSketch)
       board.port = SerialPortAt(board.place);
     if (known.name) {

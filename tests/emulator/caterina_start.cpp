@@ -9,9 +9,11 @@
 #include <util/delay.h>
 
 extern "C" {
-// Clock in Hz that this image was built for; the emulator reads it.
-extern const uint32_t torquer_clock_hz __attribute__((__progmem__));
-const uint32_t torquer_clock_hz = F_CPU;
+// Clocks in Hz that this image was built for; the emulator reads them.
+extern const uint32_t torquer_cpu_hz __attribute__((__progmem__));
+const uint32_t torquer_cpu_hz = F_CPU;
+extern const uint32_t torquer_crystal_hz __attribute__((__progmem__));
+const uint32_t torquer_crystal_hz = TORQUER_CRYSTAL_HZ;
 }
 
 namespace {

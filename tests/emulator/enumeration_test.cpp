@@ -1,7 +1,9 @@
 // USB enumeration of the firmware as a host sees it: descriptors, requests, refusals.
 #include <array>
+#include <cstdlib>
 
 #include "firmware/src/usb_descriptors.h"
+#include "protocol/firmware_image.h"
 #include "tests/support/emulated_bench.h"
 
 namespace torquer::emulator {
@@ -12,7 +14,7 @@ using Bytes = std::vector<std::uint8_t>;
 TEST_CASE("the device enumerates with the descriptors of the protocol") {
   BenchOptions options;
   options.serial = "BENCH-0001";
-  for (const FirmwareImage& image : {Image16(), Image8()}) {
+  for (const FirmwareImage& image : {Image16(), Image8(), Image16To8()}) {
     Bench bench(options, image);
     REQUIRE(bench.host.RunUntilReady());
     const Enumeration& device = bench.host.enumeration();
@@ -51,7 +53,7 @@ TEST_CASE("without a given serial number the chip's own makes one, and chips dif
 }
 
 TEST_CASE("identity and diagnostics of a healthy device") {
-  for (const FirmwareImage& image : {Image16(), Image8()}) {
+  for (const FirmwareImage& image : {Image16(), Image8(), Image16To8()}) {
     Bench bench({}, image);
     bench.Start();
     bench.Run(1);
@@ -59,7 +61,10 @@ TEST_CASE("identity and diagnostics of a healthy device") {
     CHECK(identity.protocol_version == protocol::kProtocolVersion);
     CHECK(identity.sensor_product_id == 0x42);
     CHECK(identity.sensor_revision == 0x01);
-    CHECK(identity.clock_mhz == image.clock_hz() / 1000000);
+    CHECK(identity.crystal_mhz == image.crystal_hz() / 1000000);
+    CHECK(identity.cpu_mhz == image.cpu_hz() / 1000000);
+    CHECK(identity.board == protocol::kBoardBenchAtmega32u4);
+    CHECK(identity.capabilities == 0x0f);
     const protocol::DiagnosticsReport diagnostics = bench.Diagnostics();
     CHECK(diagnostics.reset_reason == 1);
     CHECK(diagnostics.srom_id == 0);
@@ -70,6 +75,36 @@ TEST_CASE("identity and diagnostics of a healthy device") {
     CHECK(diagnostics.stack_headroom < 2560);
     CHECK(diagnostics.longest_frame_us > 100);
     CHECK(diagnostics.longest_frame_us < 600);
+  }
+}
+
+TEST_CASE("diagnostics report the supply of the chip") {
+  for (const FirmwareImage& image : {Image16(), Image8(), Image16To8()}) {
+    for (const int supply_mv : {2700, 3300, 4400, 5000, 5500}) {
+      BenchOptions options;
+      options.supply_mv = supply_mv;
+      Bench bench(options, image);
+      bench.device.SetHand([](double) {
+        HandState hand;
+        hand.joystick_x = 0.5;
+        hand.joystick_y = -0.25;
+        return hand;
+      });
+      bench.Start();
+      CHECK(bench.Diagnostics().supply_mv == 0);
+      bench.Run(0.3);
+      CAPTURE(supply_mv);
+      // One step of the converter is 5 mV at 2.7 V and 24 mV at 5.5 V.
+      CHECK(std::abs(bench.Diagnostics().supply_mv - supply_mv) <= 45);
+      // The measurement takes the place of one reading of each axis, and does not show in either.
+      const protocol::InputReport before = bench.last;
+      for (int frame = 0; frame < 600; ++frame) {
+        bench.host.RunFrame();
+        REQUIRE(bench.last.joystick_x == before.joystick_x);
+        REQUIRE(bench.last.joystick_y == before.joystick_y);
+      }
+      bench.CheckRules();
+    }
   }
 }
 
@@ -136,7 +171,7 @@ TEST_CASE("requests that make no sense are stalled, and reports go on") {
   CHECK(bench.host.SetFeature({protocol::kIdentityReportId, 1}).status == TransferStatus::kStall);
   CHECK(bench.host.Control({0x80, 6, 0x0600, 0, 10}).status == TransferStatus::kStall);
   CHECK(bench.host.Control({0xc0, 0x55, 0, 0, 8}).status == TransferStatus::kStall);
-  CHECK(bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).clock_mhz == 16);
+  CHECK(bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).cpu_mhz == 16);
   CHECK(bench.gaps == 0);
   bench.CheckRules();
 }

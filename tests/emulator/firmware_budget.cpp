@@ -37,7 +37,7 @@ constexpr double kRest_s = 0.5;
 
 struct Budget {
   std::string image;
-  int clock_mhz = 0;
+  int cpu_mhz = 0;
   int flash_bytes = 0;
   int variables_bytes = 0;
   int stack_bytes = 0;
@@ -92,7 +92,7 @@ Budget Measure(const std::string& name, double seconds) {
     if (budget.frames % kFramesARequest == 0) Ask(host, budget.frames / kFramesARequest);
     host.RunFrame();
     const std::uint64_t now = device.chip().cycles() - device.chip().sleep_cycles();
-    const double awake_us = static_cast<double>(now - awake_cycles) / (image.clock_hz() / 1e6);
+    const double awake_us = static_cast<double>(now - awake_cycles) / (image.cpu_hz() / 1e6);
     awake_cycles = now;
     if (budget.frames > 0) {
       budget.longest_awake_us = std::max(budget.longest_awake_us, static_cast<int>(awake_us + 1));
@@ -103,7 +103,7 @@ Budget Measure(const std::string& name, double seconds) {
   protocol::DiagnosticsReport diagnostics{};
   std::memcpy(&diagnostics, answer.data.data(), std::min(sizeof(diagnostics), answer.data.size()));
   budget.image = name;
-  budget.clock_mhz = static_cast<int>(image.clock_hz() / 1000000);
+  budget.cpu_mhz = static_cast<int>(image.cpu_hz() / 1000000);
   protocol::ImageTrailer trailer;
   std::memcpy(&trailer, &image.flash()[protocol::kImageTrailerAddress], sizeof(trailer));
   budget.flash_bytes = trailer.length;
@@ -135,17 +135,17 @@ void PrintText(const Budget& budget) {
       "  CPU awake %.1f %% and at most %d us in a frame, frame to queued report at most %d us,\n"
       "  %lld reports in %lld frames, %lld lost, %lld counts, count error %lld, "
       "%lld violations of timing: %s\n",
-      budget.image.c_str(), budget.clock_mhz, budget.flash_bytes, kFlashBytes,
-      budget.variables_bytes, budget.stack_bytes, kRamBytes, budget.cycles_fraction * 100,
-      budget.longest_awake_us, budget.longest_frame_us, budget.reports, budget.frames, budget.lost,
-      budget.axial_counts, budget.count_error, budget.violations,
+      budget.image.c_str(), budget.cpu_mhz, budget.flash_bytes, kFlashBytes, budget.variables_bytes,
+      budget.stack_bytes, kRamBytes, budget.cycles_fraction * 100, budget.longest_awake_us,
+      budget.longest_frame_us, budget.reports, budget.frames, budget.lost, budget.axial_counts,
+      budget.count_error, budget.violations,
       budget.within ? "within the limits" : "LIMIT EXCEEDED");
 }
 
 void PrintJson(const Budget& budget) {
   nlohmann::ordered_json object;
   object["image"] = budget.image;
-  object["clock_mhz"] = budget.clock_mhz;
+  object["cpu_mhz"] = budget.cpu_mhz;
   object["flash_bytes"] = budget.flash_bytes;
   object["variables_bytes"] = budget.variables_bytes;
   object["stack_bytes"] = budget.stack_bytes;
@@ -175,7 +175,8 @@ int main(int argc, char** argv) {
   program.options().Flag("--json", json, "print one JSON object for each image");
   return program.Main(argc, argv, [&] {
     bool within = true;
-    for (const char* name : {"torquer-firmware", "torquer-firmware-8mhz"}) {
+    for (const char* name :
+         {"torquer-firmware", "torquer-firmware-8mhz", "torquer-firmware-16to8mhz"}) {
       const Budget budget = Measure(name, seconds);
       json ? PrintJson(budget) : PrintText(budget);
       std::fflush(stdout);

@@ -42,7 +42,7 @@ HandState Stirring(double time_s, double end_s) {
 
 /// Resets the sensor at random times; each is detected and reported, and costs no count.
 void ResetAtRandom(const FirmwareImage& image, int cpi, bool with_srom, std::uint32_t seed) {
-  CAPTURE(image.clock_hz(), cpi, with_srom, seed);
+  CAPTURE(image.cpu_hz(), cpi, with_srom, seed);
   std::mt19937 random(seed);
   BenchOptions options;
   options.seed = seed;
@@ -148,7 +148,7 @@ TEST_CASE("the cause of a fault is reported") {
 
 TEST_CASE("a firmware image reaches the sensor byte for byte, without a pause") {
   for (const FirmwareImage& image : {Image16(), Image8()}) {
-    CAPTURE(image.clock_hz());
+    CAPTURE(image.cpu_hz());
     Bench bench({}, image);
     bench.device.SetHand([](double time_s) { return Stirring(time_s, 2); });
     bench.Start();
@@ -174,7 +174,7 @@ TEST_CASE("a firmware image reaches the sensor byte for byte, without a pause") 
 // the burst continues without a pause.
 TEST_CASE("an image from a host that sends a packet a frame has no pause either") {
   for (const FirmwareImage& image : {Image16(), Image8()}) {
-    CAPTURE(image.clock_hz());
+    CAPTURE(image.cpu_hz());
     Bench bench({}, image);
     bench.Start();
     UsbController& usb = bench.device.usb();

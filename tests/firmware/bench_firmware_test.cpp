@@ -140,7 +140,7 @@ TEST_CASE("identity says what the device is") {
   const auto identity = bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
   CHECK(identity.protocol_version == protocol::kProtocolVersion);
   CHECK(identity.sensor_product_id == 0x42);
-  CHECK(identity.clock_mhz == 16);
+  CHECK(identity.cpu_mhz == 16);
   CHECK(std::string(identity.serial, 3) == "TQ-");
   CHECK((identity.self_test & 7) == 7);
   bench.sensor_dead = true;
@@ -153,7 +153,7 @@ TEST_CASE("a configuration takes effect, is stored, and is refused when it makes
   bench.Start();
   bench.FrameUntilHealthy();
   protocol::ConfigurationReport configuration = ConfigurationOf(800, 100);
-  board().joystick = {600, 700};  // moved from the start: its rest is 512
+  board().analog = {600, 700, 225};  // moved from the start: its rest is 512
   CHECK(bench.Set(configuration));
   for (int i = 0; i < 50; ++i) bench.Frame();
   const protocol::InputReport report = bench.Frame();
@@ -356,7 +356,7 @@ TEST_CASE("the end switch is in the reports, and zeroing the counts moves its ma
 
 TEST_CASE("diagnostics report where the stick rests") {
   Bench bench;
-  board().joystick = {538, 497};
+  board().analog = {538, 497, 225};
   bench.Start();
   protocol::InputReport report{};
   for (int i = 0; i < 150; ++i) report = bench.Frame();

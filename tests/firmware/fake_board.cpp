@@ -44,7 +44,8 @@ std::uint8_t LoadWarmByte(bool* valid) {
 }
 void StoreWarmByte(std::uint8_t value) { Fake().warm_byte = value; }
 std::uint16_t StackHeadroom() { return 1234; }
-std::uint8_t ClockMhz() { return 16; }
+std::uint8_t ClockCode() { return 16; }
+std::uint8_t Board() { return 1; }
 void ReadChipSerial(std::uint8_t serial[10]) {
   std::copy(Fake().chip_serial.begin(), Fake().chip_serial.end(), serial);
 }
@@ -73,8 +74,8 @@ void ReadSpi(std::uint8_t* bytes, std::uint8_t count) {
   for (; count != 0; --count) *bytes++ = TransferSpi(0);
 }
 
-void BeginAdc(Axis axis) { Fake().axis = axis == Axis::kX ? 0 : 1; }
-std::uint16_t FinishAdc() { return Fake().joystick[static_cast<std::size_t>(Fake().axis)]; }
+void BeginAdc(Analog input) { Fake().input = static_cast<std::size_t>(input); }
+std::uint16_t FinishAdc() { return Fake().analog.at(Fake().input); }
 std::uint8_t ReadButtons() { return Fake().buttons; }
 
 bool EepromReady() {

@@ -46,8 +46,8 @@ struct FakeBoard {
   };
   std::vector<SpiByte> spi_log;
 
-  std::array<std::uint16_t, 2> joystick{512, 512};
-  int axis = 0;
+  std::array<std::uint16_t, 3> analog{512, 512, 225};  ///< joystick x and y, band gap
+  std::size_t input = 0;                               ///< of these, the one being converted
   std::uint8_t buttons = 0;
 
   std::vector<std::uint8_t> eeprom = std::vector<std::uint8_t>(1024, 0xff);

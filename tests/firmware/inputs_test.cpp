@@ -109,13 +109,21 @@ TEST_CASE(
 }
 
 TEST_CASE("each axis is read from its own channel") {
-  NewBoard().joystick = {100, 900};
+  NewBoard().analog = {100, 900, 225};
   Joystick joystick;
   joystick.Start();
   joystick.BeginFrame();
   joystick.EndFrame();
   CHECK(joystick.x().Report(0) == 100);
   CHECK(joystick.y().Report(0) == 900);
+  CHECK(joystick.supply_mv() == 0);
+  for (int frame = 0; frame < 300; ++frame) {
+    joystick.BeginFrame();
+    joystick.EndFrame();
+    REQUIRE(joystick.x().Report(0) == 100);
+    REQUIRE(joystick.y().Report(0) == 900);
+  }
+  CHECK(joystick.supply_mv() == 5000);  // 1.1 V reads as 225 of 1024
 }
 
 /// End switch with one frame per millisecond: a cylinder count and a contact state, debounced as in

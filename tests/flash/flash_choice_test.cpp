@@ -25,7 +25,7 @@ class IdentityLink final : public FeatureLink {
     identity.report_id = protocol::kIdentityReportId;
     identity.protocol_version = protocol::kProtocolVersion;
     identity.firmware_minor = 1;
-    identity.clock_mhz = 16;
+    identity.crystal_mhz = 16;
     std::memcpy(identity.serial, serial_.data(), serial_.size());
     identity.self_test = 7;
     std::vector<std::uint8_t> bytes(size);
@@ -51,7 +51,7 @@ struct FakeBoards final : Boards {
     board.place = place;
     board.serial = serial;
     if (mode == BoardMode::kCaterina) board.port = "/dev/ttyACM7";
-    if (mode == BoardMode::kCaterina) board.clock_mhz = 16;
+    if (mode == BoardMode::kCaterina) board.crystal_mhz = 16;
     boards.push_back(board);
   }
   std::optional<FlashOutcome> Flash(FlashRequest request = {}, const FlashHooks& hooks = {}) {
@@ -145,7 +145,7 @@ TEST_CASE(
   FakeBoards boards;
   boards.Add(BoardMode::kSketch, "1-4");
   boards.boards.front().port = "/dev/ttyACM3";
-  boards.boards.front().clock_mhz = 16;
+  boards.boards.front().crystal_mhz = 16;
   std::vector<std::string> log;
   FlashHooks hooks;
   hooks.say = [&](const std::string& line) { log.push_back(line); };

@@ -37,7 +37,7 @@ void CheckInstalled(const EmulatedBoards& boards, const std::string& hex) {
 TEST_CASE("the first firmware comes onto a board that has the bootloader alone") {
   BenchOptions options;
   options.serial = "FIRST-1";
-  for (const std::string suffix : {"", "-8mhz"}) {
+  for (const std::string suffix : {"", "-8mhz", "-16to8mhz"}) {
     EmulatedBoards boards(Bootloader(suffix), options);
     CHECK(boards.Start() == BoardMode::kBootloader);
     const auto outcome =
@@ -109,11 +109,47 @@ TEST_CASE("a dry run says what would be done and touches nothing") {
 }
 
 TEST_CASE("without an image named, that for the board's clock is taken") {
-  EmulatedBoards boards(WithApplication("-8mhz"));
-  boards.Start();
-  FlashRequest request;
-  request.image_folder = torquer::test::FirmwarePath("");
-  CHECK(boards.Flash("", request)->version == kOldVersion);
+  for (const std::string suffix : {"-8mhz", "-16to8mhz"}) {
+    EmulatedBoards boards(WithApplication(suffix));
+    boards.Start();
+    FlashRequest request;
+    request.image_folder = torquer::test::FirmwarePath("");
+    CHECK(boards.Flash("", request)->version == kOldVersion);
+    boards.CheckRules();
+  }
+}
+
+TEST_CASE("an image for another CPU clock is refused before a page is written") {
+  const std::string half = torquer::test::FirmwarePath("torquer-firmware-16to8mhz.hex");
+  EmulatedBoards boards(WithApplication());
+  SECTION("the firmware runs") {
+    CHECK(boards.Start() == BoardMode::kFirmware);
+    CHECK_THAT(
+        MessageOf<torquer::UserError>([&] { boards.Flash(half); }),
+        Contains("CPU of 8 MHz") && Contains("is for 16 MHz") && Contains("Nothing was changed"));
+    boards.Sleep(50);
+    CHECK(boards.Mode() == BoardMode::kFirmware);
+  }
+  SECTION("the bootloader waits") {
+    boards.Start();
+    CHECK(boards.ResetByPin() == BoardMode::kBootloader);
+    CHECK_THAT(MessageOf<torquer::UserError>([&] { boards.Flash(half); }),
+               Contains("CPU of 8 MHz") && Contains("is for 16 MHz"));
+  }
+  CHECK(boards.device.page_operations() == 0);
+}
+
+TEST_CASE("a supply too low for 16 MHz is reported, with the image that suits it") {
+  for (const int supply_mv : {3300, 4400, 5000}) {
+    BenchOptions options;
+    options.supply_mv = supply_mv;
+    EmulatedBoards boards(Bootloader(), options);
+    boards.Start();
+    const std::string warning = boards.Flash(kOldHex)->supply_warning;
+    CAPTURE(supply_mv, warning);
+    CHECK(warning.empty() == (supply_mv > 4000));
+    if (!warning.empty()) CHECK_THAT(warning, Contains("3.3 V") && Contains("-16to8mhz.hex"));
+  }
 }
 
 TEST_CASE("an interrupted user learns the board's state, and the next run finishes") {

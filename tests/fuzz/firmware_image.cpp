@@ -19,7 +19,7 @@ Bytes Flash(const Bytes& application) {
   ImageTrailer trailer{};
   trailer.magic = protocol::kImageMagic;
   trailer.board = protocol::kBoardBenchAtmega32u4;
-  trailer.clock_mhz = 16;
+  trailer.clock = 16;
   std::memcpy(&flash[kImageTrailerAddress], &trailer, sizeof trailer);
   trailer = tools::MakeTrailer(flash, "seed");
   std::memcpy(&flash[kImageTrailerAddress], &trailer, sizeof trailer);

@@ -119,13 +119,15 @@ std::string Ids(device::FeatureReports& reports, std::string* serial) {
   }
   *serial = std::string(identity.serial, strnlen(identity.serial, sizeof identity.serial));
   return fmt::format(
-      "USB {:04x}:{:04x}, serial number {}\nfirmware {}.{}.{}, clock {} MHz\n"
+      "USB {:04x}:{:04x}, serial number {}\nfirmware {}.{}.{}, board {}, capabilities {:#04x}, "
+      "crystal {} MHz, CPU {} MHz\n"
       "sensor: product {:#04x}, revision {:#04x}\n"
       "self-test: application {}, settings {}, sensor {}\n",
       protocol::kUsbVendorId, protocol::kUsbProductId, *serial, identity.firmware_major,
-      identity.firmware_minor, identity.firmware_patch, identity.clock_mhz,
-      identity.sensor_product_id, identity.sensor_revision, GoodOrBad(identity.self_test & 1),
-      GoodOrBad(identity.self_test & 2), GoodOrBad(identity.self_test & 4));
+      identity.firmware_minor, identity.firmware_patch, identity.board, identity.capabilities,
+      identity.crystal_mhz, identity.cpu_mhz, identity.sensor_product_id, identity.sensor_revision,
+      GoodOrBad(identity.self_test & 1), GoodOrBad(identity.self_test & 2),
+      GoodOrBad(identity.self_test & 4));
 }
 
 std::string Condition(device::FeatureReports& reports) {
@@ -138,11 +140,11 @@ std::string Condition(device::FeatureReports& reports) {
       "{}, "
       "sensor_observation {:#04x}\n"
       "frames_missed {}, longest_frame_us {}, stack_headroom {}, settings_writes {}, joystick_rest "
-      "{} {}\n",
+      "{} {}, supply_mv {}\n",
       configuration.cpi, configuration.joystick_deadzone, found.reset_reason, found.srom_id,
       found.sensor_faults, found.sensor_resets, found.sensor_fault_cause, found.sensor_observation,
       found.frames_missed, found.longest_frame_us, found.stack_headroom, found.settings_writes,
-      found.joystick_rest_x, found.joystick_rest_y);
+      found.joystick_rest_x, found.joystick_rest_y, found.supply_mv);
 }
 
 std::string Fuses(const BoardReportRequest& request) {

@@ -53,7 +53,8 @@ void DescribesItself(Program& program) {
 
   const auto identity = program.Get<IdentityReport>(protocol::kIdentityReportId);
   CHECK(identity.protocol_version == protocol::kProtocolVersion);
-  CHECK((identity.clock_mhz == 8 || identity.clock_mhz == 16));
+  CHECK((identity.crystal_mhz == 8 || identity.crystal_mhz == 16));
+  CHECK((identity.cpu_mhz == 8 || identity.cpu_mhz == 16));
   const std::string serial(identity.serial, strnlen(identity.serial, sizeof(identity.serial)));
   CHECK_FALSE(serial.empty());
   CHECK(StringOf(program, descriptor.iSerialNumber) == serial);

@@ -89,10 +89,11 @@ TEST_CASE("a report to send in has every part, and says why one is missing") {
   unsetenv("XDG_CONFIG_HOME");
   CAPTURE(report);
   for (const char* line :
-       {"Torquer 0.", "USB 1209:0001, serial number ", "clock 16 MHz", "sensor: product 0x42",
-        "application good, settings good, sensor good", "## Fuses\nnot read: give --fuses",
-        "between arrivals", "feature report", "surface quality (SQUAL): median ", "flags 0x00 in ",
-        "longest_frame_us ", "sensor_faults 0,", ".toml: No such file"}) {
+       {"Torquer 0.", "USB 1209:0001, serial number ", "crystal 16 MHz, CPU 16 MHz",
+        "sensor: product 0x42", "application good, settings good, sensor good",
+        "## Fuses\nnot read: give --fuses", "between arrivals", "feature report",
+        "surface quality (SQUAL): median ", "flags 0x00 in ", "longest_frame_us ",
+        "sensor_faults 0,", ".toml: No such file"}) {
     CHECK(report.find(line) != std::string::npos);
   }
   CHECK(report.find("\n## Camera\n") != std::string::npos);

@@ -55,11 +55,14 @@ TEST_CASE("an identity report has these 32 bytes") {
   report.firmware_patch = 3;
   report.sensor_product_id = 0x42;
   report.sensor_revision = 1;
-  report.clock_mhz = 16;
+  report.crystal_mhz = 16;
   std::memcpy(report.serial, "TQ-1", 4);
   report.self_test = 7;
+  report.board = 1;
+  report.capabilities = 0x0f;
+  report.cpu_mhz = 8;
   CHECK(BytesOf(report) == Bytes{2, 1, 1, 2, 3, 0x42, 1, 16, 'T', 'Q', '-', '1', 0, 0, 0, 0,
-                                 0, 0, 0, 0, 0, 0,    0, 0,  7,   0,   0,   0,   0, 0, 0, 0});
+                                 0, 0, 0, 0, 0, 0,    0, 0,  7,   1,   15,  8,   0, 0, 0, 0});
 }
 
 TEST_CASE("a configuration report has these 16 bytes") {
@@ -145,7 +148,7 @@ ImageTrailer SomeTrailer() {
   trailer.magic = kImageMagic;
   trailer.length = 0x1234;
   trailer.board = kBoardBenchAtmega32u4;
-  trailer.clock_mhz = 16;
+  trailer.clock = 16;
   trailer.firmware_major = 1;
   trailer.firmware_minor = 2;
   trailer.firmware_patch = 3;
@@ -164,7 +167,7 @@ TEST_CASE("a bootloader's status report has these 52 bytes") {
   report.report_id = kBootloaderStatusReportId;
   report.protocol_version = kBootloaderProtocolVersion;
   report.board = kBoardBenchAtmega32u4;
-  report.clock_mhz = 8;
+  report.clock = 8;
   report.trailer = SomeTrailer();
   report.application_valid = 1;
   std::memcpy(report.given_serial.serial, "TQ-1", 4);

@@ -22,6 +22,11 @@ inline FirmwareImage Image8() {
   return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware-8mhz.elf"));
 }
 
+/// Crystal of 16 MHz, CPU at 8 MHz.
+inline FirmwareImage Image16To8() {
+  return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware-16to8mhz.elf"));
+}
+
 /// Stand-in for the sensor vendor's firmware image, number 5.
 inline std::vector<std::uint8_t> TestSrom() {
   std::vector<std::uint8_t> image(protocol::kSromBytes);

@@ -10,23 +10,22 @@
 #include <avr/wdt.h>
 #include <util/delay_basic.h>
 
+#include "firmware/board/atmega32u4/clock.h"
 #include "firmware/board/atmega32u4/pins.h"
 #include "firmware/board/atmega32u4/setup.h"
 #include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 
-#if F_CPU != 16000000UL && F_CPU != 8000000UL
-#error "the USB needs a crystal of 8 or 16 MHz"
-#endif
-
 // Device time at the last overflow of timer 1. It lies among the variables with a start value, so
 // that the emulator can change that value in the image and start just before the wrap-around.
 extern "C" {
 volatile uint32_t torquer_clock_us __attribute__((section(".data"))) = 0;
-// Clock that this image was built for; the emulator and torquer-flash read it.
-extern const uint32_t torquer_clock_hz TORQUER_IN_FLASH;
-const uint32_t torquer_clock_hz = F_CPU;
+// Clocks that this image was built for; the emulator reads them.
+extern const uint32_t torquer_cpu_hz TORQUER_IN_FLASH;
+const uint32_t torquer_cpu_hz = F_CPU;
+extern const uint32_t torquer_crystal_hz TORQUER_IN_FLASH;
+const uint32_t torquer_crystal_hz = TORQUER_CRYSTAL_HZ;
 }
 
 namespace torquer {
@@ -100,10 +99,9 @@ void SetUp() {
   wdt_enable(WDTO_250MS);
   FindResetReason();
 
-  // With the factory's fuses the clock is divided by 8, and the joystick's pins belong to JTAG.
-  // Both registers must be written twice within four cycles.
-  CLKPR = _BV(CLKPCE);
-  CLKPR = 0;
+  SetCpuClock();
+  // With the factory's fuses the joystick's pins belong to JTAG. The register must be written twice
+  // within four cycles.
   MCUCR = _BV(JTD);
   MCUCR = _BV(JTD);
 
@@ -267,7 +265,9 @@ uint16_t StackHeadroom() {
   return headroom;
 }
 
-uint8_t ClockMhz() { return F_CPU / 1000000; }
+uint8_t ClockCode() { return kClock; }
+
+uint8_t Board() { return protocol::kBoardBenchAtmega32u4; }
 
 void ReadChipSerial(uint8_t serial[10]) {
   constexpr uint16_t kFirst = 0x0e;  // in the signature row
@@ -318,9 +318,11 @@ void ReadSpi(uint8_t* bytes, uint8_t count) {
   }
 }
 
-void BeginAdc(Axis axis) {
-  const uint8_t channel =
-      axis == Axis::kX ? TORQUER_JOYSTICK_X_CHANNEL : TORQUER_JOYSTICK_Y_CHANNEL;
+void BeginAdc(Analog input) {
+  constexpr uint8_t kBandGapChannel = 0x1e;
+  uint8_t channel = kBandGapChannel;
+  if (input == Analog::kJoystickX) channel = TORQUER_JOYSTICK_X_CHANNEL;
+  if (input == Analog::kJoystickY) channel = TORQUER_JOYSTICK_Y_CHANNEL;
   ADMUX = static_cast<uint8_t>(_BV(REFS0) | channel);
   ADCSRA |= _BV(ADSC);
 }

@@ -4,6 +4,7 @@
 #include <avr/io.h>
 #include <avr/pgmspace.h>
 
+#include "firmware/board/atmega32u4/clock.h"
 #include "firmware/board/atmega32u4/setup.h"
 #include "firmware/board/board.h"
 #include "protocol/hid_reports.h"
@@ -51,13 +52,7 @@ void NoteBusAlive() {
 
 // From the crystal by the PLL.
 void RunUsbClock() {
-#if F_CPU == 16000000UL
-  PLLCSR = _BV(PINDIV) | _BV(PLLE);
-#else
-  PLLCSR = _BV(PLLE);
-#endif
-  while (!(PLLCSR & _BV(PLOCK))) {  // within 100 us, as the crystal runs
-  }
+  StartPll();
   USBCON = _BV(USBE) | _BV(OTGPADE);
 }
 
