@@ -1,5 +1,6 @@
 """Batches: stored results survive any kill and do not run again; refusals and failures."""
 
+import csv
 import json
 import multiprocessing
 import os
@@ -157,6 +158,7 @@ def test_a_surface_that_changes_while_processes_live(study, tmp_path):
     write_tube(surface, 2)
     # A case made with the former file is refused, and so is a scene pickled with it.
     torquer._batch_case._load.cache_clear()
+    torquer._batch_case._load_with.cache_clear()
     with pytest.raises(torquer.Error, match="a file of the scene has changed since the case was made"):
         torquer._batch_case.run(old[0])
     with pytest.raises(torquer.Error, match="a file of the pickled scene own has changed since"):
@@ -176,13 +178,13 @@ def test_a_surface_that_changes_while_it_is_read(study, tmp_path, monkeypatch):
     study(TUBE, "own")
     write_tube(tmp_path / "tube.obj", 4)
     path = study(cases(1).replace("ty_phantom", "own.toml"))
-    load = torquer.Scene.from_text
+    load = torquer._batch_case._load
 
-    def slow(text, folder):
+    def slow(*of):
         write_tube(tmp_path / "tube.obj", 2)
-        return load(text, folder)
+        return load(*of)
 
-    monkeypatch.setattr(torquer._batch_case.Scene, "from_text", slow)
+    monkeypatch.setattr(torquer._batch_case, "_load", slow)
     summary = torquer.batch.run(str(path), str(tmp_path / "out"))
     assert summary.done == 0 and "a file of the scene has changed" in summary.failures[0]["message"]
     assert lines(tmp_path / "out") == 0
@@ -270,16 +272,17 @@ def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
 
 
 def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
-    path = study(
-        f'scenes = ["ty_phantom"]\n[axes]\n"effects.friction.coefficient" = [0.1, -1]\n{MOTION}', "partly"
-    )
+    far = MOTION.replace("push", "far").replace("duration_s = 1", "duration_s = 1e4\nrow_s = 1e3")
+    path = study(f'scenes = ["ty_phantom"]\n{MOTION}{far}', "partly")
     out = tmp_path / "out"
     status, output, error = finish(path, out)
     assert status == 1
     assert output.startswith("1 cases done, 0 were stored before, 1 failed")
-    assert "effects.friction.coefficient = -1" in error and "coefficient" in error.split("failed:")[1]
+    # Torquer's own lines alone, without Dask's log.
+    assert [line.split(":")[0] for line in error.splitlines()] == ["2 of 2 cases, 1 failed", "failed"]
+    assert "within 1e5" in error and "far" in error.split("failed:")[1]
     (failure,) = map(json.loads, (out / "failures.jsonl").read_text().splitlines())
-    assert failure["case"]["effects.friction.coefficient"] == -1
+    assert failure["case"]["motion"] == "far"
     assert "Failures" in (out / "report.html").read_text()
     # A second run tries it again.
     assert finish(path, out)[1].startswith("0 cases done, 1 were stored before, 1 failed")
@@ -302,7 +305,11 @@ def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
         (f'scenes = ["ty_phantom"]\n{MOTION.replace("duration_s = 1", "duration_s = 0")}', "duration_s is 0; give a number"),
         (f'scenes = ["ty_phantom"]\n{MOTION.replace("spread", "spred")}', "no key spred; did you mean spread?"),
         (f'scenes = ["ty_phantom"]\n[axes]\neffects.friction.coefficient = [1]\n{MOTION}', "put the whole key into quotes"),
-        (f'scenes = ["ty_phantom"]\n[axes]\n"instrument.wire.tip_mm" = [1]\n{MOTION}', 'no instrument "wire"; there are: guidewire'),
+        (f'scenes = ["ty_phantom"]\n[axes]\n"instrument.wire.tip_mm" = [1]\n{MOTION}', 'names no instrument; there are: guidewire'),
+        (f'scenes = ["ty_phantom"]\n[axes]\n"effects.friction.coefficient" = [0.1, -1]\n{MOTION}', "coefficient = -1: is out of range; give"),
+        (f'scenes = ["ty_phantom"]\n[axes]\n"instrument.guidewire.tip_mm" = [10, 0]\n{MOTION}', "ty_phantom.toml:22: instrument[0].tip_angle_deg = 30: needs tip_mm"),
+        (f'scenes = ["ty_phantom"]\n[axes]\n"effects.friction.coefficient" = [{{ a = 1 }}]\n{MOTION}', "effects.friction.coefficient is {'a': 1}; give True"),
+        (f'scenes = ["ty_phantom"]\nplots = "some"\n{MOTION}', "plots is 'some'; give one of valid, all"),
         (f'scenes = ["ty_phantom"]\n[axes]\n"a" = [1, 1]\n{MOTION}', "axes.a has a value twice"),
         (f'scenes = ["ty_phantom"]\n[random]\n"a" = [2, 1]\n{MOTION}', "random.a is [2, 1]; give the lowest and the highest"),
         ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "none.csv: cannot be read (No such file"),
@@ -417,3 +424,26 @@ def test_command_line(study, tmp_path):
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=60)
     assert running.returncode == 130 and "run the command again" in error
+
+
+def test_cases_that_are_not_valid_are_marked_and_left_out_of_plots(study, tmp_path):
+    text = f'scenes = ["ty_phantom"]\nseeds = [1, 2]\n[axes]\n"relaxation.budget_units" = [1, 1000]\n{MOTION}'
+    out = tmp_path / "out"
+    assert torquer.batch.run(str(study(text)), str(out)).done == 4
+    with open(out / "readings.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["invalid"] for row in rows] == ["not converged"] * 2 + [""] * 2
+    page = (out / "report.html").read_text()
+    assert "These 2 cases are not valid, so plots and readings below leave them out" in page
+    both = torquer.batch.run(str(study('plots = "all"\n' + text)), str(out))
+    assert both.stored_before == 4
+    shown = (out / "report.html").read_text()
+    assert "but plots and readings below have them" in shown
+    # With all of them, the budget explains the tip's place, and a plot shows it.
+    assert "relaxation.budget_units" in shown[shown.index("<svg") :] and "relaxation.budget_units" not in page[page.index("<svg") :]
+
+
+def test_a_worker_of_another_build_refuses(study):
+    (case,) = torquer._batch_study.cases(torquer._batch_study.read_study(str(study(cases(1)))))
+    with pytest.raises(torquer.Error, match=f"this worker has the build {torquer.__build__} .*, but torquer-batch has 0123"):
+        torquer.batch._work(case, "0123")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 import math
-import pathlib
 import threading
 from typing import Any, Dict, List, Tuple
 
@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from . import Error, Scene, Simulation
 from ._batch_study import Case, file_hashes
-from ._user_file import parse_toml
 
 _lock = threading.Lock()
 
@@ -34,14 +33,21 @@ class Result:
 
 
 @functools.lru_cache(maxsize=4)
-def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
+def _load(text: str, folder: str, path: str, _files: Tuple[str, ...]) -> Scene:
+    return Scene.from_text(text, folder, path)
+
+
+@functools.lru_cache(maxsize=4)
+def _load_with(
+    text: str, folder: str, path: str, values: str, named: Tuple[str, ...], files: Tuple[str, ...]
+) -> Scene:
     def require_same() -> None:
-        if tuple(file_hashes(parse_toml(folder, text), pathlib.Path(folder), {})) != files:
+        if file_hashes(named, {}) != files:
             raise Error(f"{folder}: a file of the scene has changed since the case was made; run the command again")
 
     # Equal hashes before and after the loading prove that these files were loaded.
     require_same()
-    scene = Scene.from_text(text, folder)
+    scene = _load(text, folder, path, files).with_values(json.loads(values))
     require_same()
     return scene
 
@@ -49,7 +55,7 @@ def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
 def _scene(case: Case) -> Scene:
     # Only one of the threads that need a scene loads it.
     with _lock:
-        return _load(case.text, case.folder, case.files)
+        return _load_with(case.text, case.folder, case.path, json.dumps(case.values), case.named, case.files)
 
 
 def run(case: Case) -> Result:

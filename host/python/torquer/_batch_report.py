@@ -37,6 +37,17 @@ def name(labels: Dict[str, Any]) -> str:
     return ", ".join(f"{key} = {value}" if key not in ("scene", "motion") else str(value) for key, value in labels.items())
 
 
+def marked(readings: Dict[str, Any]) -> Dict[str, Any]:
+    """Readings of a case with the reason why it is not valid: the wire left the model, or a row did not
+    converge. "" for a valid case."""
+    reasons = []
+    if readings.get("outside_lumen"):
+        reasons.append("outside the lumen")
+    if readings.get("unconverged_rows", 0) > 0:
+        reasons.append("not converged")
+    return {"invalid": ", ".join(reasons), **readings}
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
@@ -181,6 +192,17 @@ def _plots(study: Study, rows: List[Dict[str, Any]], readings: List[str]) -> str
     return f'<div class="plots">{"".join(f"<div>{drawing}</div>" for drawing in drawings)}</div>'
 
 
+def _left_out(study: Study, invalid: int) -> str:
+    if invalid == 0:
+        return ""
+    if study.plots == "all":
+        return f"These {invalid} cases are not valid, but plots and readings below have them. "
+    return (
+        f"These {invalid} cases are not valid, so plots and readings below leave them out; "
+        'plots = "all" in the study shows them. '
+    )
+
+
 def page(study: Study, rows: List[Dict[str, Any]], failures: List[Dict[str, Any]]) -> str:
     """Page about the stored cases, and about those that failed in the last run."""
     labels = ["scene", "motion", "seed", *study.axes, *study.random]
@@ -193,13 +215,19 @@ def page(study: Study, rows: List[Dict[str, Any]], failures: List[Dict[str, Any]
         varied.append(("seed", f"{len(study.seeds)} seeds"))
     unconverged = sum(1 for row in rows if row.get("unconverged_rows", 0) > 0)
     outside = sum(1 for row in rows if row.get("outside_lumen"))
+    stored = len(rows)
+    invalid = sum(1 for row in rows if row["invalid"])
+    if study.plots == "valid":
+        rows = [row for row in rows if not row["invalid"]]
+        readings = _varying(rows, labels)
 
     parts = [f"<h1>{html.escape(study.path.stem)}</h1>"]
-    parts.append(f"<p>{len(rows)} of {study.count()} cases are stored.")
+    parts.append(f"<p>{stored} of {study.count()} cases are stored.")
     if failures:
         parts.append(f' <span class="failed">{len(failures)} failed in the last run.</span>')
     parts.append(
         f" In {unconverged} some row did not converge; in {outside} the wire was outside the lumen at some time. "
+        f"{_left_out(study, invalid)}"
         "All readings are in <code>readings.csv</code>, series and shapes in <code>shapes</code>, by the cases' keys in <code>readings.jsonl</code>.</p>"
     )
     parts.append("<h2>Varied keys</h2>" + _table(("key", "values"), varied))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import difflib
-import functools
 import hashlib
 import io
 import itertools
@@ -16,11 +15,12 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tupl
 
 import numpy as np
 
-from . import Error, Scene, __version__, _command, scene_names, scene_path
-from ._user_file import read_text, read_toml
+from . import Error, Scene, __build__, _command, scene_names, scene_path
+from ._user_file import parse_toml, read_text, read_toml
 
 SHAPES = ("last", "rows", "none")
-_STUDY_KEYS = ("axes", "motion", "random", "scenes", "seeds", "shapes")
+PLOTS = ("valid", "all")
+_STUDY_KEYS = ("axes", "motion", "plots", "random", "scenes", "seeds", "shapes")
 _MOTION_KEYS = ("duration_s", "hands", "name", "row_s", "script", "spread")
 _HAND_KEYS = ("speed_mm_s", "turn_rad_s")
 _SWITCHES = ("xray", "contrast")
@@ -34,9 +34,12 @@ class Case:
     """One run: the input of a worker, and labels for tables."""
 
     key: str  # hash of all that decides the result; 64 hexadecimal digits
-    text: str  # the scene, with its overrides
+    text: str  # of the scene file
     folder: str  # base of its paths
-    files: Tuple[str, ...]  # hashes of the files that it names there
+    path: str  # of the scene file, for messages
+    values: Dict[str, Any]  # of the scene's keys, in place of those in the text
+    named: Tuple[str, ...]  # files and folders that the scene names
+    files: Tuple[str, ...]  # their hashes
     columns: Tuple[str, ...]  # of the rows
     rows: Tuple[Tuple[float, ...], ...]
     shapes: str
@@ -54,6 +57,7 @@ class Study:
     seeds: List[int]
     motions: List[Dict[str, Any]]
     shapes: str
+    plots: str = "valid"
 
     def count(self) -> int:
         """Number of cases."""
@@ -211,38 +215,13 @@ def read_study(path: str) -> Study:
     shapes = table.get("shapes", "last")
     if shapes not in SHAPES:
         raise Error(f"{file}: shapes is {shapes!r}; give one of {', '.join(SHAPES)}")
-    study = Study(file, scenes, axes, random, seeds, motions, shapes)
+    plots = table.get("plots", "valid")
+    if plots not in PLOTS:
+        raise Error(f"{file}: plots is {plots!r}; give one of {', '.join(PLOTS)}")
+    study = Study(file, scenes, axes, random, seeds, motions, shapes, plots)
     if study.count() > _MOST_CASES:
         raise Error(f"{file}: the study has {study.count()} cases, but at most {_MOST_CASES} are allowed; vary fewer values")
     return study
-
-
-def _override(table: Dict[str, Any], key: str, value: Any, where: str) -> None:
-    """Sets a key of a scene, as "effects.friction.coefficient" or "instrument.guidewire.device". True
-    keeps the table of an effect, and false removes it."""
-    steps = key.split(".")
-    for depth, step in enumerate(steps[:-1]):
-        inner = table.setdefault(step, {})
-        if isinstance(inner, list):
-            # Selects the table with the name that follows in the key.
-            wanted = steps[depth + 1] if depth + 2 < len(steps) else ""
-            named = [entry for entry in inner if entry.get("name") == wanted]
-            if not named:
-                names = ", ".join(str(entry.get("name")) for entry in inner)
-                raise Error(f'{where}: {key}: there is no {step} "{wanted}"; there are: {names}')
-            _override(named[0], ".".join(steps[depth + 2 :]), value, where)
-            return
-        if not isinstance(inner, dict):
-            raise Error(f"{where}: {key}: {step} is {inner!r} in the scene, not a table")
-        table = inner
-    last = steps[-1]
-    if isinstance(value, bool) and (steps[0] == "effects" and len(steps) == 2):
-        if value:
-            table.setdefault(last, {})
-        else:
-            table.pop(last, None)
-    else:
-        table[last] = value
 
 
 def _strings(value: Any) -> Iterator[str]:
@@ -260,17 +239,23 @@ def _bytes_hash(path: pathlib.Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def file_hashes(scene: Dict[str, Any], folder: pathlib.Path, known: Dict[pathlib.Path, str]) -> List[str]:
-    """Hashes of the files and folders that a scene's vessel names, in order, and of its devices of Torquer.
+def _named_files(scene: Scene) -> Tuple[str, ...]:
+    """Paths of the files and folders that a scene's vessel names, and of its devices of Torquer."""
+    table = parse_toml(scene.path, scene.text)
+    devices = pathlib.Path(scene_path(scene_names()[0])).parents[1] / "devices"
+    texts = sorted({text for text in _strings(table.get("vessel")) if text and "\0" not in text and len(text) < 1000})
+    paths = [pathlib.Path(scene.folder) / text for text in texts]
+    paths += [devices / f"{text}.toml" for text in sorted(set(_strings(table.get("instrument")))) if "\0" not in text]
+    return tuple(str(path) for path in paths)
+
+
+def file_hashes(named: Sequence[str], known: Dict[pathlib.Path, str]) -> Tuple[str, ...]:
+    """Hashes of files, and of the files in folders, in order.
 
     known: hashes of files read before, which the caller takes as unchanged.
     """
-    devices = pathlib.Path(scene_path(scene_names()[0])).parents[1] / "devices"
-    texts = sorted({text for text in _strings(scene.get("vessel")) if text and "\0" not in text and len(text) < 1000})
-    paths = [folder / text for text in texts]
-    paths += [devices / f"{text}.toml" for text in sorted(set(_strings(scene.get("instrument")))) if "\0" not in text]
     found = []
-    for path in paths:
+    for path in map(pathlib.Path, named):
         try:
             for file in sorted(path.iterdir()) if path.is_dir() else [path]:
                 if not file.is_file():
@@ -280,22 +265,7 @@ def file_hashes(scene: Dict[str, Any], folder: pathlib.Path, known: Dict[pathlib
                 found.append(known[file])
         except OSError:
             continue  # the simulator refuses files that cannot be read
-    return found
-
-
-@functools.lru_cache(maxsize=None)
-def library_hash() -> str:
-    """Hash of the library that simulates, because another build may find another result."""
-    for line in pathlib.Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
-        fields = line.split(maxsplit=5)
-        if len(fields) < 6 or "/libtorquer.so" not in fields[5]:
-            continue
-        path = pathlib.Path(fields[5])
-        # Another build may have replaced the file meanwhile.
-        if path.exists() and path.stat().st_ino == int(fields[4]):
-            return _bytes_hash(path)
-        raise Error(f"{path}: was replaced since this process began; start it again")
-    raise Error("the library libtorquer.so is not among the files of this process")
+    return tuple(found)
 
 
 def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
@@ -361,51 +331,49 @@ def _generated_rows(
     return tuple(columns), rows
 
 
+def _rows(
+    study: Study, motion: Dict[str, Any], scene: Scene, seed: int
+) -> Tuple[Tuple[str, ...], Tuple[Tuple[float, ...], ...], str]:
+    """Columns and rows of a motion, with their hash."""
+    if "script" in motion:
+        columns, moves = _script_rows(motion["script"], scene)
+    else:
+        columns, moves = _generated_rows(f"{study.path}: motion {motion['name']}", motion, scene, seed)
+    return columns, tuple(moves), hashlib.sha256(repr((columns, moves)).encode()).hexdigest()
+
+
 def cases(study: Study) -> Iterable[Case]:
-    """All cases of a study, in the order of the file. Raises Error for keys that a scene cannot have."""
-    writer = _writer()
+    """All cases of a study, in the order of the file. Raises Error for values that a scene cannot have."""
     known: Dict[pathlib.Path, str] = {}
     for scene_file in study.scenes:
         file = pathlib.Path(scene_file)
-        folder = file.parent.resolve()
-        # Read for the names of the instruments only; a worker reads the scene with its overrides.
-        plain = Scene(scene_file)
+        text = read_text(file)
+        folder = str(file.parent.resolve())
+        plain = Scene.from_text(text, folder, scene_file)
         # Keyed by the motion's name, and by the seed if the motion is random.
-        rows: Dict[Tuple[str, int], Tuple[Tuple[str, ...], List[Tuple[float, ...]], str]] = {}
-        combinations = itertools.product(*study.axes.values())
-        for values in combinations:
+        rows: Dict[Tuple[str, int], Tuple[Tuple[str, ...], Tuple[Tuple[float, ...], ...], str]] = {}
+        for values in itertools.product(*study.axes.values()):
             for seed in study.seeds:
-                table = read_toml(file)
                 chosen: Dict[str, Any] = dict(zip(study.axes, values))
                 for key, (low, high) in sorted(study.random.items()):
                     generator = np.random.default_rng([seed, *key.encode()])
                     chosen[key] = float(generator.uniform(low, high))
-                for key, value in chosen.items():
-                    _override(table, key, value, f"{study.path}, {file.name}")
                 try:
-                    text = writer(table)
-                except TypeError as error:
-                    raise Error(f"{study.path}: axes: {error}; values are numbers, texts, lists or true and false") from None
-                files = file_hashes(table, folder, known)
+                    scene = plain.with_values(chosen)
+                except Error as error:
+                    raise Error(f"{study.path}: {error}") from None
+                named = _named_files(scene)
+                files = file_hashes(named, known)
                 for motion in study.motions:
                     name = motion["name"]
                     by_seed = (name, seed if motion.get("spread") else -1)
                     if by_seed not in rows:
-                        if "script" in motion:
-                            columns, moves = _script_rows(motion["script"], plain)
-                        else:
-                            where = f"{study.path}: motion {name}"
-                            columns, moves = _generated_rows(where, motion, plain, seed)
-                        rows[by_seed] = (columns, moves, hashlib.sha256(repr((columns, moves)).encode()).hexdigest())
+                        rows[by_seed] = _rows(study, motion, plain, seed)
                     columns, moves, moves_hash = rows[by_seed]
-                    inputs = json.dumps([__version__, library_hash(), text, files, moves_hash, study.shapes])
+                    inputs = json.dumps([__build__, scene.text, files, moves_hash, study.shapes])
                     labels = {"scene": file.stem, "motion": name, "seed": seed, **chosen}
                     key = hashlib.sha256(inputs.encode()).hexdigest()
-                    yield Case(key, text, str(folder), tuple(files), columns, tuple(moves), study.shapes, labels)
-
-
-def _writer() -> Any:
-    return need("tomli_w", "python3-tomli-w").dumps
+                    yield Case(key, text, folder, scene_file, chosen, named, files, columns, moves, study.shapes, labels)
 
 
 def need(module: str, package: str) -> Any:

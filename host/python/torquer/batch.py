@@ -13,6 +13,7 @@ import contextlib
 import dataclasses
 import itertools
 import json
+import logging
 import multiprocessing.spawn
 import os
 import pathlib
@@ -21,10 +22,10 @@ import threading
 import time
 from typing import Any, Callable, Dict, Iterator, List, Optional, TextIO
 
-from . import Error, __version__
+from . import Error, __build__, __version__
 from . import _batch_case, _batch_report, _command
 from ._batch_store import Stopped, Store
-from ._batch_study import Case, cases, library_hash, need, read_study
+from ._batch_study import Case, cases, need, read_study
 
 __all__ = ["Stopped", "Summary", "main", "run"]
 
@@ -81,9 +82,9 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
-def _work(case: Case, library: str) -> Any:
-    if library_hash() != library:
-        raise Error("this worker has another build of Torquer than torquer-batch; install the same on all machines")
+def _work(case: Case, build: str) -> Any:
+    if __build__ != build:
+        raise Error(f"this worker has the build {__build__} of Torquer, but torquer-batch has {build}; install the same on all machines")
     return _batch_case.run(case)
 
 
@@ -124,14 +125,19 @@ class _WithoutMain:
 
 def _connect(workers: int, scheduler: Optional[str]) -> Any:
     """Client of Dask for threads or processes of this machine, or for a cluster."""
-    need("dask", "python3-distributed").config.set(
+    distributed = need("distributed", "python3-distributed")
+    dask = need("dask", "python3-distributed")
+    dask.config.set(
         {
             "distributed.scheduler.allowed-failures": _MOST_DEATHS,
             "distributed.comm.timeouts.connect": f"{_SCHEDULER_S:g}s",
             "distributed.client.heartbeat": "2s",
+            # Read when a worker process imports Dask.
+            "distributed.nanny.pre-spawn-environ": {
+                **dask.config.get("distributed.nanny.pre-spawn-environ", {}), "DASK_LOGGING__DISTRIBUTED": "critical",
+            },
         }
     )
-    distributed = need("distributed", "python3-distributed")
     if scheduler is not None:
         try:
             return distributed.Client(scheduler, timeout=_SCHEDULER_S, set_as_default=False)
@@ -154,8 +160,21 @@ def _connect(workers: int, scheduler: Optional[str]) -> Any:
 
 
 @contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without Dask's log of this process: torquer-batch reports failures and losses itself."""
+    log = logging.getLogger("distributed")
+    usual = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(usual)
+
+
+@contextlib.contextmanager
 def _client(workers: int, scheduler: Optional[str]) -> Iterator[Any]:
-    with _WithoutMain():
+    need("distributed", "python3-distributed")  # sets the level of its log
+    with _WithoutMain(), _quiet():
         client = _connect(workers, scheduler)
         try:
             yield client
@@ -169,7 +188,6 @@ def _client(workers: int, scheduler: Optional[str]) -> Iterator[Any]:
 def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, Any]]:
     """Yields cases as they end, with their result or exception."""
     distributed = need("distributed", "python3-distributed")
-    library = library_hash()
     running: Dict[str, Case] = {}
     ended = distributed.as_completed(loop=client.loop)
     broken = (OSError, TimeoutError, distributed.client.CancelledError)
@@ -177,7 +195,7 @@ def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, A
 
     def submit(case: Case) -> None:
         # A new key each time, because a cluster may have stored results of another run.
-        future = client.submit(_work, case, library, key=f"torquer-{case.key}-{os.getpid()}-{next(number)}", pure=False)
+        future = client.submit(_work, case, __build__, key=f"torquer-{case.key}-{os.getpid()}-{next(number)}", pure=False)
         running[future.key] = case
         ended.add(future)
 
@@ -259,7 +277,7 @@ def run(
                     line.show(done, len(failures))
             line.show(done, len(failures), last=True)
         rows = [
-            {**case.labels, **store.readings[case.key]} for case in every if case.key in store.readings
+            {**case.labels, **_batch_report.marked(store.readings[case.key])} for case in every if case.key in store.readings
         ]
         page = _batch_report.page(read, rows, failures)
         store.finish(rows, failures, page)
