@@ -23,9 +23,10 @@ RADII_MM = (4.0, 5.0, 6.0, 8.0)
 # Decrease of the resolution for each millimeter of height, smallest and largest of the surfaces in figure 12.
 HEIGHT_GAIN_PER_MM = (0.028, 0.13)
 HALF_VIEW_MM = 0.5  # of what the sensor sees, at a magnification of 1:1; assumed
-# Angle of the sensor's LED light to the vertical: assumed, because such sensors use flat light. It gives the shading
-# across the cylinder that an ordinary mouse sensor shows on one, about 1.7 to 1.
+# The sensor's LED: angle of its light to the vertical, assumed, because such sensors use flat light; and its distance
+# from the middle of the view. Together they shade flat paper as real pictures show it: 1.23 to 1.51 along the light.
 LIGHT_ANGLE_DEG = 69.0
+LIGHT_DISTANCE_MM = 8.0
 
 # Uncertainties from printing and from bought parts, each +-, mm.
 PRINT_MM = 0.1  # height of a printed part, in layers of 0.2
@@ -38,6 +39,7 @@ PLA_KG_M3 = 1240
 PRINTED_SHARE = 0.6  # plastic fraction of a part's volume: three walls and 20 % infill
 FRICTION_PAPER_PLA = 0.3  # assumed
 GRAVITY_M_S2 = 9.81
+PETG_MPA = 2000  # Young's modulus of the leaf springs, printed on their side
 
 _OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -124,20 +126,28 @@ def offset_foreshortening(offset_mm: float, radius_mm: float) -> float:
     return 1 - math.sqrt(1 - (offset_mm / radius_mm) ** 2)
 
 
-def brightness(y_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
-    """Light on matt paper at `y_mm` beside the crest, by Lambert's cosine. The surface is tilted by
-    asin(y / R), and the light comes flat, across the cylinder or along it."""
-    normal = (0.0, y_mm / radius_mm, math.sqrt(1 - (y_mm / radius_mm) ** 2))
-    flat, steep = math.sin(light_angle_rad), math.cos(light_angle_rad)
-    to_light = (0.0, flat, steep) if across else (flat, 0.0, steep)
-    return max(0.0, sum(n * t for n, t in zip(normal, to_light)))
+def brightness(x_mm: float, y_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
+    """Light on matt paper, `x_mm` along the cylinder and `y_mm` beside its crest: one ray from the LED, with Lambert's
+    cosine and the inverse square of the distance. The LED stands across the cylinder or along it. An infinite radius
+    is flat paper."""
+    if math.isinf(radius_mm):
+        normal, drop = (0.0, 0.0, 1.0), 0.0
+    else:
+        normal = (0.0, y_mm / radius_mm, math.sqrt(1 - (y_mm / radius_mm) ** 2))
+        drop = sag_mm(y_mm, radius_mm)
+    aside = LIGHT_DISTANCE_MM * math.sin(light_angle_rad)
+    lamp = (0.0 if across else aside, aside if across else 0.0, LIGHT_DISTANCE_MM * math.cos(light_angle_rad))
+    ray = (lamp[0] - x_mm, lamp[1] - y_mm, lamp[2] + drop)
+    distance = math.sqrt(sum(part * part for part in ray))
+    return max(0.0, sum(n * r for n, r in zip(normal, ray))) / distance**3
 
 
-def shading(half_view_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
-    """Brightest over darkest line of the view."""
-    lines = [brightness(half_view_mm * i / 50, radius_mm, light_angle_rad, across)
-             for i in range(-50, 51)]
-    return max(lines) / min(lines)
+def shading(half_view_mm: float, radius_mm: float, light_angle_rad: float, across: bool, along_view: bool) -> float:
+    """Brightest over darkest of the view's middle line: along the cylinder if `along_view`, else across it."""
+    places = [half_view_mm * i / 50 for i in range(-50, 51)]
+    lights = [brightness(at, 0.0, radius_mm, light_angle_rad, across) if along_view
+              else brightness(0.0, at, radius_mm, light_angle_rad, across) for at in places]
+    return max(lights) / min(lights)
 
 
 def focus_mm() -> dict[str, tuple[float, float]]:
@@ -199,6 +209,17 @@ def friction_n() -> float:
     return FRICTION_PAPER_PLA * cylinder_kg() * GRAVITY_M_S2
 
 
+def leaf_force_n(deflection_mm: float) -> float:
+    """Force of one leaf spring at its nub: a cantilever, 3 E I d / L3."""
+    inertia_mm4 = MODEL["leaf_width"] * MODEL["leaf_thickness"] ** 3 / 12
+    return 3 * PETG_MPA * inertia_mm4 * deflection_mm / MODEL["leaf_length"] ** 3
+
+
+def lifting_force_n() -> float:
+    """Upward force of the wire that lifts the cylinder off the floor of its bore, against weight and both springs."""
+    return cylinder_kg() * GRAVITY_M_S2 + 2 * leaf_force_n(MODEL["leaf_deflection"])
+
+
 def joystick_rate_step_rad_s(full_rate_rad_s: float, dead_zone_counts: float) -> float:
     """Change of the C-arm's rate with one count of the joystick, outside the dead zone."""
     return full_rate_rad_s / (1023 - 512 - dead_zone_counts)
@@ -231,7 +252,8 @@ def height_row() -> list[str]:
     low, high = (height_errors(gain, 2 * CLEARANCE_MM) for gain in HEIGHT_GAIN_PER_MM)
     error = (f"{100 * low[0]:.1f} to {100 * high[0]:.1f} % more: {low[1]:.1f} to {high[1]:.1f} mm in "
              f"{STROKE_MM:g} mm, {low[2]:.0f} to {high[2]:.0f} degrees a turn")
-    return [error, "stays; the calibration measures and states it"]
+    return [error, f"0 below a pull of {lifting_force_n():.2f} N upward, with the leaf springs; beyond, the calibration "
+            "measures and states it"]
 
 
 def error_table() -> list[list[str]]:
@@ -294,18 +316,23 @@ def focus_table() -> list[list[str]]:
 
 
 def shading_table() -> list[list[str]]:
-    rows = [["LED against the vertical", "light across the cylinder", "light along it, as drawn"]]
+    rows = [["LED against the vertical", "flat paper, along the light", "cylinder, light across it: across",
+             "cylinder, light along it, as drawn: across", "the same: along"]]
     for angle in (45.0, 60.0, LIGHT_ANGLE_DEG, 75.0):
-        across, along = (
-            shading(HALF_VIEW_MM, RADIUS_MM, math.radians(angle), turned) for turned in (True, False)
-        )
-        rows.append([f"{angle:g} degrees", f"{across:.2f} : 1", f"{along:.3f} : 1"])
+        light = math.radians(angle)
+        ratios = (shading(HALF_VIEW_MM, math.inf, light, False, True),
+                  shading(HALF_VIEW_MM, RADIUS_MM, light, True, False),
+                  shading(HALF_VIEW_MM, RADIUS_MM, light, False, False),
+                  shading(HALF_VIEW_MM, RADIUS_MM, light, False, True))
+        rows.append([f"{angle:g} degrees", *(f"{ratio:.2f} : 1" for ratio in ratios)])
     return rows
 
 
 def force_table() -> list[list[str]]:
     mass = cylinder_kg()
     closed, vented = cap_openings_mm2(0), cap_openings_mm2(MODEL["vent_count"])
+    # The floor of the bore carries the springs' force, and their nubs rub, too.
+    spring_friction = 2 * FRICTION_PAPER_PLA * 2 * leaf_force_n(MODEL["leaf_deflection"])
 
     def piston(opening: float, speed: float) -> str:
         return f"{piston_force_n(speed, RADIUS_MM, opening):.4f}"
@@ -314,11 +341,15 @@ def force_table() -> list[list[str]]:
         ["force that the device adds to the hand's", "N"],
         [f"weight of the cylinder, {1000 * mass:.0f} g, sliding on its bore (friction {FRICTION_PAPER_PLA:g})",
          f"{friction_n():.3f}"],
+        [f"two leaf springs, {2 * leaf_force_n(MODEL['leaf_deflection']):.2f} N on the cylinder: friction",
+         f"{spring_friction:.3f}"],
         ["its inertia, at 2 m/s2", f"{mass * 2:.3f}"],
         ["air, pushing at 0.2 m/s; without the vents", f"{piston(vented, 0.2)}; {piston(closed, 0.2)}"],
         ["air, pushing at 0.5 m/s; without the vents", f"{piston(vented, 0.5)}; {piston(closed, 0.5)}"],
         ["together, at 0.2 m/s and 2 m/s2",
-         f"{friction_n() + mass * 2 + piston_force_n(0.2, RADIUS_MM, vented):.3f}"],
+         f"{friction_n() + spring_friction + mass * 2 + piston_force_n(0.2, RADIUS_MM, vented):.3f}"],
+        ["pull of the wire upward that lifts the cylinder: with the springs; without",
+         f"{lifting_force_n():.2f}; {mass * GRAVITY_M_S2:.2f}"],
     ]
 
 

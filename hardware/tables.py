@@ -38,6 +38,14 @@ def bill_table(name: str) -> str:
     return budget.markdown(rows)
 
 
+def sensor_boards_table() -> str:
+    rows = [["board", "design files", "supply and levels", "size, mm", "board at 3.3 V", "at 5 V", "note"]]
+    for row in rows_of("sensor_boards.csv"):
+        rows.append([f"[{row['board']}]({row['where']})", row["open"], row["supply_and_levels"], row["size_mm"],
+                     row["for_3v3"], row["for_5v"], row["note"]])
+    return budget.markdown(rows)
+
+
 def wiring_table() -> str:
     rows = [["net", "from", "to", "color", "where"]]
     for wire in wiring.load():
@@ -59,6 +67,7 @@ def tables() -> dict[str, str]:
     return {
         "bill of materials": bill_table("bill_of_materials.csv"),
         "mouse variant": bill_table("mouse_variant.csv"),
+        "sensor boards": sensor_boards_table(),
         "wiring": wiring_table(),
         "parts": parts_table(),
         "resolution": budget.markdown(budget.resolution_table()),
@@ -66,6 +75,7 @@ def tables() -> dict[str, str]:
         "focus": budget.markdown(budget.focus_table()),
         "shading": budget.markdown(budget.shading_table()),
         "forces": budget.markdown(budget.force_table()),
+        "leakage": budget.markdown(wiring.leakage_table()),
         "suspend": budget.markdown(budget.suspend_table()),
     }
 

@@ -16,6 +16,18 @@ from dataclasses import dataclass
 HERE = os.path.dirname(os.path.abspath(__file__))
 
 SENSOR_VDD_V = (1.8, 2.1)  # PMW3360 data sheet 1.50: operating voltage
+
+# Pedal's line while the pedal is open, by the data sheet of the ATmega32U4 (DC characteristics).
+PULL_UP_OHM = (20e3, 50e3)
+INPUT_LEAKAGE_UA = 1.0
+# Suppressor diodes: standoff voltage in V, and the largest leakage there in uA at 25 degrees C. Data sheets of the
+# series SA and P6KE; a type for both polarities up to 10 V leaks twice as much as one for a single polarity.
+DIODES = {"SA5.0A": (5.0, 600), "SA6.5CA": (6.5, 800), "SA8.5CA": (8.5, 20), "SA9.0CA": (9.0, 10),
+          "P6KE6.8A": (5.8, 1000), "P6KE6.8CA": (5.8, 2000), "P6KE11CA": (9.4, 10)}
+LEAKAGE_DOUBLES_K = 10.0  # rule for silicon
+WARMEST_C = 40.0  # in the panel
+SUPPLIES_V = (3.3, 5.0)
+
 CONTROLLER_SIGNALS = {
     "sensor NCS": "NCS",
     "sensor SCLK": "SCLK",
@@ -126,6 +138,43 @@ def problems(wires: list[Wire], pins: dict[str, tuple[str, str]]) -> list[str]:
         if net_at.get(("PMW3360", signal)) != "SENSOR_" + signal:
             found.append(f"PMW3360 {signal} is not behind the level shifter")
     return found
+
+
+def leakage_ua(diode: str, warm_c: float = WARMEST_C) -> float:
+    """Largest current from an open pedal's line to ground. The diode's part is that at its standoff voltage, which
+    lies above the line's."""
+    return DIODES[diode][1] * 2 ** ((warm_c - 25) / LEAKAGE_DOUBLES_K) + INPUT_LEAKAGE_UA
+
+
+def allowed_leakage_ua(supply_v: float) -> float:
+    """Current at which the weakest pull-up still holds the line at the level that surely reads as high."""
+    high_v = 0.2 * supply_v + 0.9  # V_IH, data sheet of the ATmega32U4
+    return (supply_v - high_v) / PULL_UP_OHM[1] * 1e6
+
+
+def pedal_problems(diode: str, warm_c: float = WARMEST_C) -> list[str]:
+    """Reasons why an open pedal could read as pressed; empty if there are none."""
+    if diode not in DIODES:
+        return [f"pedal diode {diode}: leakage unknown; add it to DIODES from its data sheet"]
+    found = []
+    for supply_v in SUPPLIES_V:
+        if DIODES[diode][0] < supply_v:
+            found.append(f"pedal diode {diode} conducts at {supply_v} V")
+        if leakage_ua(diode, warm_c) > allowed_leakage_ua(supply_v):
+            found.append(
+                f"pedal diode {diode} leaks {leakage_ua(diode, warm_c):.0f} uA at {warm_c:g} degrees C; the pull-up "
+                f"allows {allowed_leakage_ua(supply_v):.0f} uA at {supply_v} V"
+            )
+    return found
+
+
+def leakage_table() -> list[list[str]]:
+    rows = [["diode at the pedal", f"leakage at {WARMEST_C:g} degrees C, chip included",
+             *(f"pull-up of 50 kilohm allows at {supply_v:g} V" for supply_v in SUPPLIES_V)]]
+    for diode in ("SA9.0CA", "SA8.5CA", "P6KE6.8A"):
+        rows.append([diode, f"{leakage_ua(diode):.0f} uA",
+                     *(f"{allowed_leakage_ua(supply_v):.0f} uA" for supply_v in SUPPLIES_V)])
+    return rows
 
 
 def connected_problems(wires: list[Wire]) -> list[str]:
@@ -252,7 +301,7 @@ def draw(wires: list[Wire]) -> str:
     out.append(text(20, 608, "Flags of one name are joined. Volts for a controller at 3.3 V; one at"
                     " 5 V needs a module with level shifters, as drawn.", size=12, color="#4a5a70"))
     out.append(text(20, 628, "Pedal filter: 1 kilohm from IN to OUT, 100 nF from OUT to GND, a"
-                    " suppressor diode from IN to GND, all at the jack.", size=12, color="#4a5a70"))
+                    " suppressor diode of 9 V from IN to GND, all at the jack.", size=12, color="#4a5a70"))
     out.append("</svg>")
     return "\n".join(out) + "\n"
 

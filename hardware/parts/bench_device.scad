@@ -49,6 +49,18 @@ lens_x = 21.3;
 lens_y = 18.9;
 align_angle = 3;          // the carrier turns by this much either way, degrees
 
+/* [Leaf springs: they press the cylinder on the floor of its bore, from both sides of the window] */
+leaf_x = 14.6;            // of their middle, along the wire
+leaf_width = 5;
+leaf_length = 14;         // from the nub's middle to the foot
+leaf_thickness = 0.45;    // one line of the printer; measure yours
+leaf_deflection = 1;      // with the cylinder at rest and the shims as drawn
+leaf_gap = 0.5;           // above the leaf, for its way up
+leaf_pocket = 4.4;        // depth in the carrier
+foot_length = 8;
+foot_height = 3;
+lens_ledge = 0.6;         // overlap of the carrier's ledges with the lens
+
 /* [Catheter, panel] */
 catheter_diameter = 2.4;  // 7 French is 2.33
 button_hole = 16.2;
@@ -95,6 +107,12 @@ nearest_surface = lens_plane - crest_lifted - focus_step / 2;
 assert(window_length < 2 * cylinder_length - pipe_length, "the cylinder must always fill the window");
 assert(farthest_surface <= focus_high && nearest_surface >= focus_low - e,
        "somewhere in its play the surface would leave the sensor's range of focus");
+// Nub of a leaf spring that is not bent: it ends below the crest by the deflection.
+nub_height = carrier_bottom + leaf_pocket - leaf_gap - leaf_thickness - crest_at_rest;
+ledge_top = seat_in_carrier - lens_height - 0.1;  // in the carrier; the lens rests on its board, not on the ledges
+
+assert(leaf_gap > 2 * bore_clearance, "a lifted cylinder would bend the springs to the carrier");
+assert(leaf_pocket < seat_in_carrier - 1.5, "the springs' pocket would reach the board");
 assert(crown_flat > bore_radius + 0.8, "the lens would touch the pipe");
 assert(board_lens_x > lens_x / 2 && board_x - board_lens_x > lens_x / 2, "the board must carry the lens");
 
@@ -181,6 +199,8 @@ module pipe_middle() {
         cylinder(r1 = bore_radius, r2 = bore_radius + 0.5, h = 0.8 + e);
     }
     translate([0, 0, bore_radius / 2]) slab(window_length, window_width, pipe_radius);
+    // Slots for the nubs of the leaf springs.
+    for (s = [-1, 1]) translate([s * leaf_x, 0, bore_radius / 2]) slab(leaf_width + 0.8, 6, pipe_radius);
     // The crown is flat below the lens, which would touch it at the lowest setting.
     translate([0, 0, crown_flat]) slab(lens_x + 2, lens_y + 2, pipe_radius);
     each_corner(carrier_screws[0], carrier_screws[1])
@@ -199,7 +219,9 @@ module sensor_carrier() {
     // Room for the crown of the pipe and for the lens.
     translate([0, 0, -1])
       slab(middle_length + 2, 2 * pipe_radius + 1.5, pipe_radius - block_top + 1.6);
-    translate([0, 0, -1]) slab(lens_x + 0.8, lens_y + 0.8, carrier_height + 2);
+    lens_hole();
+    for (s = [-1, 1]) translate([s * leaf_x - (leaf_width + 0.4) / 2, -3, -1])
+      cube([leaf_width + 0.4, 3 + leaf_length + foot_length + 0.2, leaf_pocket + 1]);
     // The board lies in a recess, its top flush, so that washers hold it at its edges.
     translate([-(board_lens_x + 0.2), -(board_y + 0.4) / 2, seat_in_carrier])
       cube([board_x + 0.4, board_y + 0.4, board_z + 1]);
@@ -211,6 +233,30 @@ module sensor_carrier() {
     translate([middle_length / 2, 0, seat_in_carrier]) slab(middle_length, board_y - 2, board_z + 1);
   }
 }
+// Around the lens, with ledges below its corners, beside the pipe's crown: a lens that comes off its board stays.
+module lens_hole() {
+  difference() {
+    translate([0, 0, -1]) slab(lens_x + 0.8, lens_y + 0.8, carrier_height + 2);
+    for (i = [-1, 1], j = [-1, 1])
+      translate([i * (lens_x / 2 + 0.4 - (lens_ledge + 0.4) / 2), j * (lens_y / 2 + 0.4 - 2), ledge_top - 1.2])
+        slab(lens_ledge + 0.4 + 2 * e, 4 + 2 * e, 1.2);
+  }
+}
+
+// Leaf spring in the frame of its side view: y grows from the nub to the foot, z up from the foot's top. The free leaf
+// slopes down to its nub by the deflection. Print it lying on its side, of PETG; glue the foot into the carrier.
+module leaf_profile() {
+  polygon([[leaf_length + foot_length, 0], [leaf_length, 0], [leaf_length, -leaf_gap],
+           [-1, -leaf_gap - leaf_deflection], [-1, -leaf_gap - leaf_deflection - leaf_thickness - nub_height + 0.6],
+           [-0.5, -leaf_gap - leaf_deflection - leaf_thickness - nub_height],
+           [0.5, -leaf_gap - leaf_deflection - leaf_thickness - nub_height],
+           [1, -leaf_gap - leaf_deflection - leaf_thickness - nub_height + 0.6],
+           [1, -leaf_gap - leaf_deflection * (1 - 1 / leaf_length) - leaf_thickness],
+           [leaf_length, -leaf_gap - leaf_thickness], [leaf_length, -foot_height],
+           [leaf_length + foot_length, -foot_height]]);
+}
+module leaf_spring() { linear_extrude(leaf_width) leaf_profile(); }
+
 module each_slot() {
   for (i = [-1, 1], j = [-1, 1])
     hull() for (a = [-align_angle, 0, align_angle])
@@ -333,6 +379,9 @@ module assembly_piece(name) {
   } else if (name == "placed_sensor_carrier") {
     translate([0, 0, carrier_bottom]) sensor_carrier();
     for (i = [1 : 1 : shims_fitted]) translate([0, 0, block_top + (i - 1) * shim_thickness]) carrier_shim();
+  } else if (name == "placed_leaf_springs") {  // not bent: their nubs reach into the cylinder by the deflection
+    for (s = [-1, 1]) translate([s * leaf_x - leaf_width / 2, 0, carrier_bottom + leaf_pocket])
+      rotate([90, 0, 90]) leaf_spring();
   } else if (name == "placed_sensor_board") {
     translate([-board_lens_x, -board_y / 2, board_seat]) cube([board_x, board_y, board_z]);
     translate([0, 0, lens_plane]) slab(lens_x, lens_y, lens_height);
@@ -354,12 +403,14 @@ else if (part == "pipe_cap_switch") pipe_cap_switch();
 else if (part == "pipe_middle") translate([0, 0, -block_bottom]) pipe_middle();
 else if (part == "sensor_carrier") translate([0, 0, carrier_height]) rotate([180, 0, 0]) sensor_carrier();
 else if (part == "carrier_shim") carrier_shim();
+else if (part == "leaf_spring")
+  translate([0, leaf_gap + leaf_deflection + leaf_thickness + nub_height, 0]) leaf_spring();
 else if (part == "support_box") support_box();
 else if (part == "catheter_clamp") translate([0, 0, 18]) catheter_clamp();
 else if (part == "catheter_lid") translate([0, 0, 6]) rotate([180, 0, 0]) catheter_lid();
 else if (part == "control_panel") translate([0, 0, panel[2]]) rotate([180, 0, 0]) control_panel();
 else if (part == "assembly")
-  for (name = ["support_box", "pipe", "caps", "cylinder", "sensor_carrier", "sensor_board",
+  for (name = ["support_box", "pipe", "caps", "cylinder", "leaf_springs", "sensor_carrier", "sensor_board",
                "catheter_clamp", "control_panel", "wire"])
     assembly_piece(str("placed_", name));
 else if (cut) intersection() {

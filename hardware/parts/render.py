@@ -26,6 +26,7 @@ PARTS = {
     "pipe_middle": 1,
     "sensor_carrier": 1,
     "carrier_shim": 3,
+    "leaf_spring": 2,
     "support_box": 2,
     "catheter_clamp": 1,
     "catheter_lid": 1,
@@ -38,6 +39,7 @@ ASSEMBLY = {
     "placed_pipe": (88, 134, 178),
     "placed_caps": (226, 158, 70),
     "placed_cylinder": (245, 245, 240),
+    "placed_leaf_springs": (90, 170, 110),
     "placed_sensor_carrier": (203, 92, 78),
     "placed_sensor_board": (58, 130, 84),
     "placed_catheter_clamp": (226, 158, 70),
@@ -208,7 +210,7 @@ def main(folder: str) -> None:
             file.write("\n".join(table) + "\n")
         pieces = [(triangles_of(name), color) for name, color in ASSEMBLY.items()]
         write_png(draw(pieces, view_axes(-68, 32), 1100), os.path.join(folder, "assembly.png"))
-        near = ("pipe", "cylinder", "sensor_carrier", "sensor_board", "support_box")
+        near = ("pipe", "cylinder", "leaf_springs", "sensor_carrier", "sensor_board", "support_box")
         halves = [
             (triangles_of("placed_" + name, ("cut=true",)), ASSEMBLY["placed_" + name])
             for name in near

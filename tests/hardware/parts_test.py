@@ -1,5 +1,6 @@
 """Renders every printed part with OpenSCAD: it must be closed, face outward and have the size in the table."""
 
+import functools
 import os
 import subprocess
 import tempfile
@@ -18,6 +19,29 @@ CUBE = [
     ((0, 0, 0), (0, 0, 1), (0, 1, 1)), ((0, 0, 0), (0, 1, 1), (0, 1, 0)),
     ((1, 0, 0), (1, 1, 0), (1, 1, 1)), ((1, 0, 0), (1, 1, 1), (1, 0, 1)),
 ]
+
+
+@functools.cache
+def piece(name: str) -> list:
+    """Triangles of a piece in its place, rendered once."""
+    with tempfile.TemporaryDirectory() as work:
+        path = os.path.join(work, name + ".stl")
+        render.make_stl(name, path)
+        return stl.read_stl(path)
+
+
+def crossings(triangles: list, x: float, y: float) -> list[float]:
+    """Heights at which the vertical line through a place passes the triangles."""
+    found = []
+    for a, b, c in triangles:
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if area == 0:
+            continue
+        u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+        v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+        if u >= 0 and v >= 0 and u + v <= 1:
+            found.append(a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]))
+    return found
 
 
 class Checker(unittest.TestCase):
@@ -76,38 +100,61 @@ class Parts(unittest.TestCase):
 
     def test_the_lens_is_as_high_above_the_paper_as_the_budget_says(self):
         """Measured on the parts in their places: the board's seat, less the lens, over the crest."""
-        with tempfile.TemporaryDirectory() as work:
-            def heights(name: str, inside) -> list[float]:
-                path = os.path.join(work, name + ".stl")
-                render.make_stl(name, path)
-                return [p[2] for triangle in stl.read_stl(path) for p in triangle if inside(p)]
+        def heights(name: str, inside) -> list[float]:
+            return [p[2] for triangle in piece(name) for p in triangle if inside(p)]
 
-            model = budget.MODEL
-            paper = model["paper_thickness"]
-            crest = max(heights("placed_cylinder", lambda p: True)) + paper
-            # The board's corners are inside the recess; the highest face below its top is the seat.
-            seats = heights("placed_sensor_carrier", lambda p: abs(p[1]) < model["board_y"] / 2 + 0.3
-                            and abs(p[0]) < model["board_x"] - model["board_lens_x"] + 0.3)
-            board = min(heights("placed_sensor_board", lambda p: abs(p[0]) > model["lens_x"] / 2 + 1))
-            self.assertTrue(any(abs(seat - board) < 1e-3 for seat in seats), (board, sorted(set(seats))))
-            lens_to_paper = board - model["lens_height"] - crest
-            low, high = budget.focus_mm()["at rest"]
-            self.assertAlmostEqual(lens_to_paper, (low + high) / 2, delta=0.02)
-            # The cylinder lies on the floor of its bore, and the shims below the carrier.
-            self.assertAlmostEqual(
-                crest, model["cylinder_radius"] - model["bore_clearance"], delta=0.02)
-            bottom = min(heights("placed_sensor_carrier", lambda p: True))
-            self.assertAlmostEqual(bottom, model["block_top"], places=3)
+        model = budget.MODEL
+        paper = model["paper_thickness"]
+        crest = max(heights("placed_cylinder", lambda p: True)) + paper
+        # The board's corners are inside the recess; the highest face below its top is the seat.
+        seats = heights("placed_sensor_carrier", lambda p: abs(p[1]) < model["board_y"] / 2 + 0.3
+                        and abs(p[0]) < model["board_x"] - model["board_lens_x"] + 0.3)
+        board = min(heights("placed_sensor_board", lambda p: abs(p[0]) > model["lens_x"] / 2 + 1))
+        self.assertTrue(any(abs(seat - board) < 1e-3 for seat in seats), (board, sorted(set(seats))))
+        lens_to_paper = board - model["lens_height"] - crest
+        low, high = budget.focus_mm()["at rest"]
+        self.assertAlmostEqual(lens_to_paper, (low + high) / 2, delta=0.02)
+        # The cylinder lies on the floor of its bore, and the shims below the carrier.
+        self.assertAlmostEqual(
+            crest, model["cylinder_radius"] - model["bore_clearance"], delta=0.02)
+        bottom = min(heights("placed_sensor_carrier", lambda p: True))
+        self.assertAlmostEqual(bottom, model["block_top"], places=3)
 
     def test_nothing_touches_the_lens_at_the_lowest_setting(self):
-        with tempfile.TemporaryDirectory() as work:
-            path = os.path.join(work, "pipe.stl")
-            render.make_stl("placed_pipe", path)
-            model = budget.MODEL
-            below = [p[2] for triangle in stl.read_stl(path) for p in triangle
-                     if abs(p[0]) <= model["lens_x"] / 2 and abs(p[1]) <= model["lens_y"] / 2]
-            lowest = model["lens_plane"] - model["shims_fitted"] * model["shim_thickness"]
-            self.assertLess(max(below), lowest)
+        model = budget.MODEL
+        below = [p[2] for triangle in piece("placed_pipe") for p in triangle
+                 if abs(p[0]) <= model["lens_x"] / 2 and abs(p[1]) <= model["lens_y"] / 2]
+        lowest = model["lens_plane"] - model["shims_fitted"] * model["shim_thickness"]
+        self.assertLess(max(below), lowest)
+
+    def test_leaf_springs_reach_the_cylinder_through_the_pipe(self):
+        model = budget.MODEL
+        springs = [p for triangle in piece("placed_leaf_springs") for p in triangle]
+        crest = model["cylinder_radius"] - model["bore_clearance"]
+        self.assertAlmostEqual(crest - min(p[2] for p in springs), model["leaf_deflection"], places=3)
+        for side in (-1, 1):
+            nub = [p for p in springs if p[0] * side > 0 and p[1] < 2]
+            low, high = min(p[0] for p in nub), max(p[0] for p in nub)
+            self.assertAlmostEqual((low + high) / 2, side * model["leaf_x"], places=3)
+            for x in (low, high):
+                for y in (-1, 1):
+                    self.assertLess(max(crossings(piece("placed_pipe"), x, y)), 0, "no slot there")
+        self.assertGreater(model["leaf_x"] - model["leaf_width"] / 2, model["lens_x"] / 2 + 1)
+
+    def test_ledges_keep_the_lens(self):
+        """Below the lens's corners, and above the pipe at the lowest setting."""
+        model = budget.MODEL
+        x, y = model["lens_x"] / 2 - 0.3, model["lens_y"] / 2 - 0.6
+        lowering = model["shims_fitted"] * model["shim_thickness"]
+        for i in (-1, 1):
+            for j in (-1, 1):
+                faces = [z for z in crossings(piece("placed_sensor_carrier"), i * x, j * y)
+                         if z > model["carrier_bottom"] + 0.1]  # not those of the shims
+                self.assertTrue(faces, "no ledge there")
+                self.assertLess(max(faces), model["lens_plane"])
+                self.assertGreater(max(faces), model["lens_plane"] - 0.2)
+                pipe = max(crossings(piece("placed_pipe"), i * x, j * y))
+                self.assertGreater(min(faces) - lowering, pipe)
 
     def test_caps_let_the_air_out(self):
         """The volume that the vents take from the wall of a cap."""

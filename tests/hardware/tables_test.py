@@ -33,6 +33,17 @@ class BillOfMaterials(unittest.TestCase):
             total = tables.total_eur(tables.rows_of(name))
             self.assertLess(abs(int(re.search(pattern, page).group(1)) - total), 1, name)
 
+    def test_sensor_has_a_second_source_with_open_files_and_none_for_5_v_without_shifters(self):
+        boards = tables.rows_of("sensor_boards.csv")
+        self.assertGreaterEqual(sum(row["open"].startswith("yes") for row in boards), 1)
+        self.assertGreaterEqual(len(boards), 2)
+        for row in boards:
+            self.assertNotIn(None, row, row["board"])
+            self.assertTrue(row["where"].startswith("https://"))
+            self.assertIn(row["for_5v"], ("yes", "no"))
+            if "level shifters" not in row["supply_and_levels"] or "no level" in row["supply_and_levels"]:
+                self.assertEqual(row["for_5v"], "no", row["board"])
+
     def test_every_item_is_complete(self):
         for name in ("bill_of_materials.csv", "mouse_variant.csv"):
             for number, row in enumerate(tables.rows_of(name), 1):

@@ -5,6 +5,7 @@ import unittest
 import xml.etree.ElementTree
 from dataclasses import replace
 
+import tables
 import wiring
 
 FIRMWARE = os.path.join(wiring.HERE, "..", "firmware")
@@ -80,6 +81,25 @@ class Wiring(unittest.TestCase):
             wiring.firmware_pins(PINS_HEADER, README.replace("| PD4 (4) |", "| PD4 (5) |"))
         with self.assertRaises(ValueError):
             wiring.firmware_pins(PINS_HEADER.replace("_BIT 6  //", "_BIT 5  //"), README)
+
+
+class PedalLeakage(unittest.TestCase):
+    def test_diode_of_the_bill_of_materials_leaves_an_open_pedal_high(self):
+        row = next(row for row in tables.rows_of("bill_of_materials.csv") if "pedal filter" in row["what"])
+        self.assertEqual(wiring.pedal_problems(row["part_number"]), [])
+
+    def test_level_of_the_line_by_ohms_law(self):
+        """At 3.3 V the chip surely reads 1.56 V as high, and 1.74 V may fall across 50 kilohm."""
+        self.assertAlmostEqual(wiring.allowed_leakage_ua(3.3), 34.8, places=1)
+        self.assertAlmostEqual(wiring.allowed_leakage_ua(5.0), 62.0, places=1)
+        # Three steps of 5 K: 10 uA become 10 x 1.414 x 1.414 x 1.414.
+        self.assertAlmostEqual(wiring.leakage_ua("SA9.0CA") - 1, 28.3, places=1)
+
+    def test_diodes_that_leak_are_found(self):
+        for diode in ("P6KE6.8A", "SA5.0A", "SA6.5CA"):
+            self.assertTrue(any("leaks" in text for text in wiring.pedal_problems(diode)), diode)
+        self.assertTrue(wiring.pedal_problems("SA9.0CA", warm_c=60))
+        self.assertIn("leakage unknown", wiring.pedal_problems("1N4148")[0])
 
 
 class Diagram(unittest.TestCase):
