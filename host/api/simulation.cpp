@@ -273,7 +273,7 @@ std::vector<Reading> Simulation::readings() const {
 
 std::string Simulation::Record() const {
   const auto hold = parts().usage.Look();
-  return simulator::FormatRecord(parts_->simulation);
+  return simulator::FormatRecord(parts_->simulation, false);
 }
 
 Forces Simulation::forces() const {

@@ -37,6 +37,7 @@ struct Arguments {
   std::string scene;
   std::string marks;
   bool json = false;
+  bool examination = false;
 };
 
 torquer::PictureVessel Surface(const torquer::vessel::Vessel& vessel) {
@@ -137,6 +138,7 @@ int Run(const Arguments& arguments) {
   report.damage = summary.damage;
   report.unknown = summary.unknown;
   report.started_us = summary.started_us;
+  report.examination = arguments.examination;
   const std::string scene_file = arguments.scene.empty() ? report.scene_file : arguments.scene;
   report.marks = MarksOf(arguments.marks, scene_file, report);
   const std::unique_ptr<torquer::scene::Scene> opened =
@@ -187,6 +189,8 @@ int main(int argc, char** argv) {
                "write a report page of the session, and FILE.session.json beside it, with which "
                "later pages compare their sessions",
                torquer::ValueKind::kFile);
+  options.Flag("--examination", arguments.examination,
+               "note in all outputs that the session was an examination, not practice");
   options.Text("--scene", "FILE", arguments.scene,
                "scene file with the vessel (default: the file that the simulator used)",
                torquer::ValueKind::kFile);

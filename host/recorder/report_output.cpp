@@ -146,8 +146,9 @@ void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& capti
 }  // namespace
 
 std::string FormatReport(const SessionReport& report) {
-  std::string text = fmt::format("Session of {} in {}, {} method\n", SecondsText(report.duration_s),
-                                 Printable(report.scene), Printable(report.method));
+  std::string text = fmt::format(
+      "{} of {} in {}, {} method\n", report.examination ? "Examination" : "Session",
+      SecondsText(report.duration_s), Printable(report.scene), Printable(report.method));
   for (const InstrumentReport& instrument : report.instruments) {
     text += instrument.driven() ? FormatInstrument(instrument)
                                 : fmt::format("  {}, driven by no device; {} commands\n",
@@ -223,6 +224,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
     marks = MarksJson(*report.marks);
   }
   const nlohmann::ordered_json json = {{"scene", report.scene},
+                                       {"examination", report.examination},
                                        {"method", report.method},
                                        {"duration_s", report.duration_s},
                                        {"instruments", std::move(instruments)},

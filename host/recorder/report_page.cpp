@@ -51,13 +51,13 @@ class Page {
     for (const InstrumentReport& instrument : report_.instruments) {
       instruments += (instruments.empty() ? "" : ", ") + SafeText(instrument.name);
     }
-    Append(
-        out_,
-        "<h1>Training session: {}</h1>\n<p class=\"facts\">Began {}, recorded for {}. Vessel: {}. "
-        "Instruments: {}.<br/>Recording: {}</p>\n",
-        scene, DateText(report_.started_us), SecondsText(report_.duration_s),
-        SafeText(report_.description.vessel), instruments,
-        SafeText(std::filesystem::path(parts_.log).filename().string()));
+    Append(out_,
+           "<h1>{}: {}</h1>\n<p class=\"facts\">Began {}, recorded for {}. Vessel: {}. "
+           "Instruments: {}.<br/>Recording: {}</p>\n",
+           report_.examination ? "Examination" : "Training session", scene,
+           DateText(report_.started_us), SecondsText(report_.duration_s),
+           SafeText(report_.description.vessel), instruments,
+           SafeText(std::filesystem::path(parts_.log).filename().string()));
   }
 
   void Result() {
@@ -246,8 +246,8 @@ class Page {
     Append(out_,
            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
            "<td>{}</td><td>{}</td><td>{}</td></tr>\n",
-           number, DateText(session.started_us), result,
-           session.marks.empty() ? "&#x2013;" : Verdict(session.passed),
+           number, DateText(session.started_us) + (session.examination ? ", examination" : ""),
+           result, session.marks.empty() ? "&#x2013;" : Verdict(session.passed),
            SecondsText(session.procedure_s), or_dash(session.wall_force_mN, ForceText),
            or_dash(session.fluoroscopy_s, SecondsText),
            or_dash(session.contrast_mL, [](double mL) { return ValueText(mL) + " mL"; }),

@@ -104,6 +104,7 @@ struct SessionReport {
   /// True if `readings` and `course` are those of a replay at full accuracy, not of the live
   /// session.
   bool judged = false;
+  bool examination = false;  ///< as the caller says; otherwise practice
   /// Reason why the session has no marks; "": it has, or the scene has nothing to judge.
   std::string not_gradable;
   std::optional<MarkSheet> marks;  ///< none: no pass marks are set for the scene

@@ -151,6 +151,7 @@ SessionSummary Summarize(const SessionReport& report) {
       summary.marks.push_back({mark.name, mark.value, mark.passed});
     }
   }
+  summary.examination = report.examination;
   summary.gradable = report.not_gradable.empty();
   if (!summary.gradable) {
     summary.target_reached = summary.safe = std::nullopt;
@@ -168,6 +169,7 @@ std::string FormatSummary(const SessionSummary& summary) {
   const nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
                                        {"scene", summary.scene},
                                        {"started_us", summary.started_us},
+                                       {"examination", summary.examination},
                                        {"gradable", summary.gradable},
                                        {"procedure_s", summary.procedure_s},
                                        {"target_reached", OrNull(summary.target_reached)},
@@ -192,6 +194,7 @@ SessionSummary ReadSummary(const std::string& path) {
   SessionSummary summary;
   summary.scene = fields.Text("scene");
   summary.started_us = fields.Count("started_us");
+  summary.examination = fields.Truth("examination").value_or(false);
   summary.gradable = fields.Truth("gradable").value_or(false);
   summary.procedure_s = fields.GivenNumber("procedure_s");
   summary.target_reached = fields.Truth("target_reached");

@@ -25,6 +25,7 @@ struct SummaryMark {
 struct SessionSummary {
   std::string scene;
   std::int64_t started_us = 0;  ///< wall clock, since 1970
+  bool examination = false;     ///< otherwise practice
   /// False: the session could not be repeated, so it has no marks.
   bool gradable = true;
   double procedure_s = 0;  ///< from the assessment, otherwise from the first tick to the last

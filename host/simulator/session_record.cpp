@@ -20,7 +20,7 @@ std::string NeedObserver(const std::string& path, const std::string& scene, bool
 
 }  // namespace
 
-std::string FormatRecord(const Simulation& simulation) {
+std::string FormatRecord(const Simulation& simulation, bool examination) {
   const scene::Scene& scene = simulation.scene();
   nlohmann::ordered_json instruments = nlohmann::ordered_json::object();
   for (std::size_t k = 0; k < scene.instruments().size(); ++k) {
@@ -34,6 +34,7 @@ std::string FormatRecord(const Simulation& simulation) {
   }
   const nlohmann::ordered_json record = {
       {"record_version", kRecordVersion},
+      {"examination", examination},
       {"scene", scene.name()},
       {"scene_file", scene.path()},
       {"content_hash", Hex(scene.content_hash())},

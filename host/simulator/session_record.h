@@ -27,7 +27,7 @@ class SessionRecord {
   AtomicFile file_;
 };
 
-/// Text of a record, with its line end.
-std::string FormatRecord(const Simulation& simulation);
+/// Text of a record, with its line end. `examination`: the session was one, not practice.
+std::string FormatRecord(const Simulation& simulation, bool examination);
 
 }  // namespace torquer::simulator

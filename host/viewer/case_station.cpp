@@ -139,10 +139,11 @@ CaseStation::~CaseStation() {
 
 const Case* CaseStation::chosen() const { return runs_ == 0 ? nullptr : &cases_[chosen_]; }
 
-bool CaseStation::Start(std::size_t number, std::int64_t now_us) {
+bool CaseStation::Start(std::size_t number, std::int64_t now_us, bool examination) {
   if (phase_ != Phase::kChoose && phase_ != Phase::kEnded) return false;
-  if (number >= cases_.size()) return false;
+  if (number >= cases_.size() || (examination && !cases_[number].xray)) return false;
   chosen_ = number;
+  examination_ = examination;
   ++runs_;
   changed_ = true;
   report_.reset();
@@ -186,7 +187,7 @@ bool CaseStation::HasRoom() {
 }
 
 void CaseStation::Begin(std::int64_t now_us) {
-  since_us_ = now_us;
+  began_us_ = since_us_ = now_us;
   folder_ = NewFolder(sessions_ / cases_[chosen_].name);
   std::vector<std::string> words = {(programs_.folder / "torquer-recorder").string(),
                                     (folder_ / "session.lcmlog").string(), "--shapes", "60"};
@@ -240,6 +241,7 @@ void CaseStation::AdvanceRecorder(std::int64_t now_us) {
                                     cases_[chosen_].file};
   if (cases_[chosen_].assessed) {
     words.insert(words.end(), {"--record", (folder_ / "record.json").string()});
+    if (examination_) words.emplace_back("--examination");
   }
   if (!programs_.lcm_url.empty()) words.insert(words.end(), {"--lcm-url", programs_.lcm_url});
   try {
@@ -288,7 +290,7 @@ void CaseStation::AdvanceEnding(std::int64_t now_us) {
     if (ran) return WriteReport(now_us);
   }
   if (reporter_ != nullptr && !reporter_->Ended()) {
-    if (now_us - since_us_ > report_us_) reporter_->Signal(SIGKILL);
+    if (now_us - since_us_ > report_us_ + session_us_) reporter_->Signal(SIGKILL);
     return;
   }
   if (reporter_ != nullptr) {
@@ -316,13 +318,14 @@ void CaseStation::Stop(ChildProgram& program, std::int64_t now_us) const {
 }
 
 void CaseStation::WriteReport(std::int64_t now_us) {
+  session_us_ = now_us - began_us_;
   since_us_ = now_us;
+  std::vector<std::string> words = {(programs_.folder / "torquer-report").string(),
+                                    (folder_ / "session.lcmlog").string(), "--page",
+                                    (folder_ / "report.html").string()};
+  if (examination_) words.emplace_back("--examination");
   try {
-    reporter_ = std::make_unique<ChildProgram>(
-        std::vector<std::string>{(programs_.folder / "torquer-report").string(),
-                                 (folder_ / "session.lcmlog").string(), "--page",
-                                 (folder_ / "report.html").string()},
-        (folder_ / "report.log").string());
+    reporter_ = std::make_unique<ChildProgram>(words, (folder_ / "report.log").string());
   } catch (const UserError& error) {
     if (problem_.empty()) problem_ = error.what();
   }
@@ -343,6 +346,7 @@ std::string CaseStation::Text() const {
                          {"cases", std::move(list)},
                          {"phase", Name(phase_)},
                          {"chosen", runs_ == 0 ? -1 : static_cast<int>(chosen_)},
+                         {"examination", runs_ > 0 && examination_},
                          {"run", runs_},
                          {"problem", Printable(problem_)},
                          {"report", report_.has_value()},

@@ -59,9 +59,10 @@ class CaseStation {
   CaseStation(const CaseStation&) = delete;
   CaseStation& operator=(const CaseStation&) = delete;
 
-  /// False, and nothing is done, where the phase is another one than the picture above says, or
-  /// there is no such case.
-  bool Start(std::size_t number, std::int64_t now_us);
+  /// False, and nothing is done, where the phase is another one than the picture above says, there
+  /// is no such case, or an examination is wanted of a case without X-ray. Every start has its own
+  /// folder with log, record and report; they say that the session is an examination.
+  bool Start(std::size_t number, std::int64_t now_us, bool examination = false);
   bool End(std::int64_t now_us);
   bool Close();
 
@@ -99,14 +100,18 @@ class CaseStation {
   Programs programs_;
   Phase phase_ = Phase::kChoose;
   std::size_t chosen_ = 0;
+  bool examination_ = false;  // of the case that was chosen last
   int runs_ = 0;
   std::filesystem::path folder_;  // of the session
   std::unique_ptr<ChildProgram> recorder_;
   std::unique_ptr<ChildProgram> simulator_;
   std::unique_ptr<ChildProgram> reporter_;
-  std::int64_t looked_us_ = 0;               // for room on the disk
-  std::int64_t since_us_ = 0;                // when the phase, or what is waited for in it, began
-  std::int64_t report_us_ = 120'000'000;     // that torquer-report may take
+  std::int64_t looked_us_ = 0;  // for room on the disk
+  std::int64_t began_us_ = 0;   // when the case was started
+  std::int64_t since_us_ = 0;   // when the phase, or what is waited for in it, began
+  // Time that torquer-report may take in addition to the length of the session, which it repeats.
+  std::int64_t report_us_ = 120'000'000;
+  std::int64_t session_us_ = 0;
   std::optional<std::int64_t> stranger_us_;  // newest state that is of no case
   std::string problem_;
   std::optional<std::string> report_;

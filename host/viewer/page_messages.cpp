@@ -347,7 +347,7 @@ std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> b
 
 std::optional<CaseControl> ReadCaseControl(std::span<const std::uint8_t> bytes) {
   if (bytes.size() != kControlsBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kCase) ||
-      bytes[1] != kFrameVersion || bytes[2] < 1 || bytes[2] > 3) {
+      bytes[1] != kFrameVersion || bytes[2] < 1 || bytes[2] > 4) {
     return {};
   }
   return CaseControl{.action = static_cast<CaseControl::Action>(bytes[2]), .number = bytes[3]};

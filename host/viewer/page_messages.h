@@ -107,9 +107,9 @@ std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> b
 
 /// Case control that the page requests.
 struct CaseControl {
-  enum class Action : std::uint8_t { kStart = 1, kEnd = 2, kClose = 3 };
+  enum class Action : std::uint8_t { kStart = 1, kEnd = 2, kClose = 3, kExamine = 4 };
   Action action = Action::kStart;
-  std::size_t number = 0;  ///< of the case that is started
+  std::size_t number = 0;  ///< of the case that is started, or examined
 };
 
 /// Reads a choice of a case. Nullopt if the bytes do not have that layout.

@@ -56,7 +56,7 @@ class Viewer {
       for (const Case& one : station_->cases()) {
         server_.Serve(PictureName(one), PageServer::ServedAs::kPicture, one.picture);
       }
-      if (setup.start >= 0) StartCase(static_cast<std::size_t>(setup.start));
+      if (setup.start >= 0) StartCase(static_cast<std::size_t>(setup.start), false);
     }
     server_.WhenReadable(bus.FileDescriptor(), [this] { bus_.Handle(0); });
     server_.Every(kLiveBeat, [this] { Beat(); });
@@ -149,7 +149,10 @@ class Viewer {
   void Take(const CaseControl& control) {
     switch (control.action) {
       case CaseControl::Action::kStart:
-        StartCase(control.number);
+        StartCase(control.number, false);
+        break;
+      case CaseControl::Action::kExamine:
+        StartCase(control.number, true);
         break;
       case CaseControl::Action::kEnd:
         station_->End(bus::MonotonicUs());
@@ -163,8 +166,8 @@ class Viewer {
   static std::string PictureName(const Case& one) { return "cases/" + one.name + ".jpg"; }
 
   // Removes the previous case from the pages and from the steering.
-  void StartCase(std::size_t number) {
-    if (!station_->Start(number, bus::MonotonicUs())) return;
+  void StartCase(std::size_t number, bool examination) {
+    if (!station_->Start(number, bus::MonotonicUs(), examination)) return;
     steering_.Restart();
     state_.reset();
     forces_.reset();

@@ -48,6 +48,7 @@ class Stage {
     cases[1].name = "hard";
     cases[1].file = "hard.toml";
     cases[1].assessed = true;
+    cases[1].xray = true;
     return {std::move(cases),
             folder_.Path("sessions"),
             {.folder = folder_.Path(), .lcm_url = "", .free_bytes = [this] { return free_bytes; }}};
@@ -129,6 +130,32 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   REQUIRE(station.Start(1, kNow));
   CHECK(station.runs() == 2);
   CHECK(Said(station)["folder"] != folder);
+}
+
+TEST_CASE("An examination is noted by the programs that write its record and its report") {
+  const Stage stage;
+  stage.Write("torquer-simulator",
+              stage.Waits("simulator", "echo \"$@\" >" + stage.Path("simulator.words") + "\n"));
+  stage.Write("torquer-report", "echo \"$@\" >" + stage.Path("report.words") + "\necho done >$3");
+  CaseStation station = stage.Station();
+  // The easy case has no X-ray, so it cannot be an examination.
+  CHECK_FALSE(station.Start(0, kNow, true));
+  CHECK(station.phase() == Phase::kChoose);
+  CHECK(Said(station)["examination"] == false);
+  for (const bool examination : {true, false}) {
+    REQUIRE(station.Start(1, kNow, examination));
+    CHECK(Said(station)["examination"] == examination);
+    REQUIRE(Reaches(station, Phase::kRunning));
+    REQUIRE(Listens(stage, "simulator"));
+    REQUIRE(station.End(kNow));
+    REQUIRE(Reaches(station, Phase::kEnded));
+    for (const char* words : {"simulator.words", "report.words"}) {
+      INFO(words);
+      const bool noted = stage.Read(words).find("--examination") != std::string::npos;
+      CHECK(noted == examination);
+    }
+    fs::remove(stage.Path("simulator.pid"));
+  }
 }
 
 TEST_CASE("States count only once the case's own simulator runs") {

@@ -89,11 +89,26 @@ try {
   await until("it runs", async () => (await page.locator("#state").textContent()) === "Running");
   assert.ok(Math.abs((await insertion()) - before) < 1, `starts at ${before}, not where it was left, ${pushed}`);
   assert.equal(await page.evaluate(() => window.torquer.readings()?.values.xray_pulses ?? 0), 0);
+  // It is locked: neither a key nor a reload brings the teaching view back.
+  assert.ok(!(await page.locator("#exam").isVisible()));
+  await page.keyboard.press("KeyE");
+  assert.equal(await page.locator("body.exam").count(), 1);
+  await page.reload();
+  await until("the examination is on after a reload", () => page.locator("body.exam").count());
+  assert.ok(!(await page.locator("#teaching").isVisible()));
+  await until("it runs again", async () => (await page.locator("#state").textContent()) === "Running");
   await look("examination");
 
-  // A moving vessel is drawn in motion: the path of its fastest vertex matches the scene.
+  // Record and report say that it was an examination.
   await page.locator("#case-end").click();
   await phase("ended");
+  await page.frameLocator("#case-report").getByRole("heading", { name: "Examination: neuro_angio" }).waitFor();
+  const examined = (await cases()).folder;
+  for (const name of ["record.json", "report.session.json"]) {
+    assert.equal(JSON.parse(readFileSync(join(examined, name), "utf8")).examination, true, name);
+  }
+
+  // A moving vessel is drawn in motion: the path of its fastest vertex matches the scene.
   await page.locator("#case-close").click();
   await phase("choose");
   await start("Practice", "Arteries that move");

@@ -243,7 +243,8 @@ TEST_CASE("Choices of cases are accepted only in the page's format") {
   CHECK(ReadCaseControl(message(2, 0))->action == CaseControl::Action::kEnd);
   CHECK(ReadCaseControl(message(3, 0))->action == CaseControl::Action::kClose);
   CHECK_FALSE(ReadCaseControl(message(0, 0)));
-  CHECK_FALSE(ReadCaseControl(message(4, 0)));
+  CHECK(ReadCaseControl(message(4, 7))->action == CaseControl::Action::kExamine);
+  CHECK_FALSE(ReadCaseControl(message(5, 0)));
   auto other = message(1, 0);
   CHECK_FALSE(ReadControls(other));
   CHECK_FALSE(ReadImaging(other));

@@ -64,7 +64,7 @@ std::int64_t NowNs() {
 }
 
 int Live(torquer::scene::Scene& scene, const std::string& url, const std::string& record_file,
-         bool realtime, bool json) {
+         bool examination, bool realtime, bool json) {
   if (realtime) torquer::EnterRealtime();  // before the bus, whose thread inherits it
   torquer::bus::Bus bus(url);
   torquer::simulator::SoleSimulator sole(bus.url(), scene.name());
@@ -78,7 +78,7 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   sole.Listen();
   torquer::PrintError("torquer-simulator: running {} on {}\n", scene.name(), bus.url());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
-  if (record) record->Finish(torquer::simulator::FormatRecord(simulation));
+  if (record) record->Finish(torquer::simulator::FormatRecord(simulation, examination));
   if (json) {
     const nlohmann::json line = {{"ticks", run.ticks},
                                  {"commands", run.commands},
@@ -103,6 +103,7 @@ struct Arguments {
   std::string explained;
   std::string surface;
   std::string picture;
+  bool examination = false;
   bool realtime = false;
   bool json = false;
   bool list_effects = false;
@@ -127,6 +128,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Text("--record", "FILE", arguments.outputs.record,
                "write the readings of the observers as JSON at the end; also allowed with --script",
                ValueKind::kFile);
+  options.Flag("--examination", arguments.examination,
+               "note in the record that the session is an examination, not practice");
   options.Group("Simulation of a script, without a bus");
   options.Text("--script", "FILE", arguments.script,
                "CSV file of commands; the column time_s is required; optional columns are "
@@ -171,6 +174,11 @@ void Check(const Arguments& arguments) {
   if (arguments.realtime && !(arguments.script.empty() && arguments.log.empty())) {
     throw torquer::UsageError(
         "--realtime is valid only in live sessions; remove it, or remove --script and --replay");
+  }
+  if (arguments.examination &&
+      (arguments.outputs.record.empty() || !arguments.script.empty() || !arguments.log.empty())) {
+    throw torquer::UsageError(
+        "--examination needs --record in a live session; add --record FILE, or remove it");
   }
   const bool for_script = !arguments.outputs.states.empty() || !arguments.outputs.pictures.empty();
   if (arguments.script.empty() ? for_script : !for_script && arguments.outputs.record.empty()) {
@@ -279,7 +287,8 @@ int Run(const Arguments& arguments) {
   Say(scene.vessel().findings);
   const auto keep = KeepField(scene);
   if (!arguments.log.empty()) return Repeat(scene, arguments.log);
-  return Live(scene, arguments.url, arguments.outputs.record, arguments.realtime, arguments.json);
+  return Live(scene, arguments.url, arguments.outputs.record, arguments.examination,
+              arguments.realtime, arguments.json);
 }
 
 }  // namespace

@@ -12,9 +12,8 @@ export class CaseScreen {
   private readonly buttons = new Map<string, HTMLButtonElement>();
   private cases: Cases | null = null;
   private phaseMs = 0; // when the phase began
-  private examination = false; // of the case that this page started
 
-  /** `began`: a case that this page started is running; `cleared`: another run has started. */
+  /** `began`: a case is running, or this page joins it; `cleared`: another run has started. */
   constructor(
     private readonly send: (message: ArrayBuffer) => void,
     private readonly began: (examination: boolean) => void,
@@ -22,7 +21,7 @@ export class CaseScreen {
   ) {
     this.button("#case-end", "end");
     this.button("#case-close", "close");
-    element("#case-again").addEventListener("click", () => this.start(this.cases?.chosen ?? 0, this.examination));
+    element("#case-again").addEventListener("click", () => this.start(this.cases?.chosen ?? 0, this.cases?.examination ?? false));
   }
 
   take(cases: Cases): void {
@@ -35,7 +34,7 @@ export class CaseScreen {
     }
     if (before?.phase !== cases.phase) this.phaseMs = performance.now();
     if (before !== null && before.run !== cases.run) this.cleared();
-    if (before !== null && before.phase === "starting" && cases.phase === "running") this.began(this.examination);
+    if (before?.phase !== "running" && cases.phase === "running") this.began(cases.examination);
     const report = element<HTMLIFrameElement>("#case-report");
     // Loads the report once, so that it keeps its scroll position.
     if (cases.report && !before?.report) report.src = "report.html";
@@ -55,6 +54,11 @@ export class CaseScreen {
   /** True if the case list covers the page, which then takes no keys. */
   get covers(): boolean {
     return this.cases !== null && this.cases.phase !== "running";
+  }
+
+  /** True while an examination runs. */
+  get examines(): boolean {
+    return this.cases?.phase === "running" && this.cases.examination;
   }
 
   /** Text for the header; "" while a case runs. */
@@ -99,8 +103,7 @@ export class CaseScreen {
   }
 
   private start(number: number, examination: boolean): void {
-    this.examination = examination;
-    this.send(writeCase("start", number));
+    this.send(writeCase(examination ? "examine" : "start", number));
   }
 
   private button(selector: string, action: CaseAction): void {

@@ -171,6 +171,7 @@ export interface Cases {
   cases: TrainingCase[];
   phase: "choose" | "starting" | "running" | "ending" | "ended";
   chosen: number; // -1 before the first
+  examination: boolean; // of the chosen case: locked, and noted in its record
   run: number;
   problem: string;
   report: boolean; // report.html
@@ -330,13 +331,13 @@ export function writeReplay(controls: ReplayControls): ArrayBuffer {
   return view.buffer;
 }
 
-export type CaseAction = "start" | "end" | "close";
+export type CaseAction = "start" | "end" | "close" | "examine";
 
 export function writeCase(action: CaseAction, number: number): ArrayBuffer {
   const view = new DataView(new ArrayBuffer(20));
   view.setUint8(0, 19);
   view.setUint8(1, VERSION);
-  view.setUint8(2, { start: 1, end: 2, close: 3 }[action]);
+  view.setUint8(2, { start: 1, end: 2, close: 3, examine: 4 }[action]);
   view.setUint8(3, number);
   return view.buffer;
 }

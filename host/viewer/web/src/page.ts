@@ -152,7 +152,7 @@ class Page {
     this.pictures = 0;
     this.fluoroscopy.clear();
     this.panel.clear();
-    this.examination.set(false, performance.now());
+    this.examination.set(this.cases.examines, performance.now());
   }
 
   private takeScene(scene: Scene): void {
@@ -296,7 +296,8 @@ class Page {
   }
 
   private examine(): void {
-    if (document.body.classList.contains("no-xray")) return;
+    // The choice of a case decides whether it is an examination, and its record says so.
+    if (document.body.classList.contains("no-xray") || this.cases.newest !== null) return;
     this.examination.set(!this.examination.on, performance.now());
   }
 
