@@ -1,4 +1,5 @@
-// Port contract: the functions that the portable firmware requires of a board.
+// Port contract: the functions that the portable firmware requires of a board. Its USB is another
+// contract: firmware/src/usb_stack.h, in whole reports.
 //
 // One implementation a chip (atmega32u4/), and a simulated one for the unit tests on the PC
 // (tests/firmware/fake_board.cpp); the linker chooses. Every function returns within the time it
@@ -6,8 +7,6 @@
 #pragma once
 
 #include <stdint.h>
-
-#include "protocol/hid_descriptor.h"  // TORQUER_IN_FLASH
 
 namespace torquer {
 namespace board {
@@ -104,52 +103,6 @@ bool EepromReady();
 /// Both wait until the EEPROM is ready. A write continues in the background.
 uint8_t ReadEeprom(uint16_t address);
 void WriteEeprom(uint16_t address, uint8_t value);
-
-// --- USB: endpoint 0 and the interrupt IN endpoint ---------------------------------------------
-
-/// True once for each reset by the host. Address 0, not configured, endpoint 0 is ready.
-bool TakeUsbReset();
-/// True if a bus reset, a SETUP packet or a packet from the host waits. This is the fastest check.
-bool ControlPending();
-/// True once for each SETUP packet; discards any other data of endpoint 0.
-bool TakeSetup(uint8_t packet[8]);
-
-/// Endpoint 0 can take a packet for the host.
-bool CanSendControl();
-/// Sends one packet of 0 .. 32 bytes.
-void SendControl(const uint8_t* data, uint8_t size, bool in_flash);
-/// Endpoint 0 holds a packet from the host, an empty one included.
-bool HasControlData();
-/// Its size, and its bytes one by one.
-uint8_t ControlDataSize();
-uint8_t NextControlByte();
-/// Its bytes are taken, and the next packet may come; false if a SETUP packet has come meanwhile:
-/// what was read means nothing.
-bool ReleaseControlData();
-/// Refuses the request; the next SETUP packet ends it.
-void StallControl();
-
-/// From now on Idle() ends on a SETUP packet and, where asked for, once CanSendControl() or
-/// HasControlData() is true.
-void WatchControl(bool can_send, bool has_data);
-/// From now on Idle() does not end on endpoint 0, until WatchControl() is called again: the host is
-/// left to ask again.
-void HoldControl();
-
-/// The device answers at this address (0 .. 127) from now on.
-void SetAddress(uint8_t address);
-
-/// Sets up or removes the interrupt IN endpoint; its data toggle starts from DATA0 and it is not
-/// halted. False if the chip does not give it its memory.
-bool ConfigureInput(bool enabled);
-void HaltInput(bool halted);
-bool InputHalted();
-/// Packets queued and not yet taken by the host: 0 .. 2.
-uint8_t QueuedInputs();
-/// Drops them.
-void DiscardInputs();
-/// Queues one packet; false if there is no room.
-bool QueueInput(const uint8_t* data, uint8_t size);
 
 }  // namespace board
 }  // namespace torquer

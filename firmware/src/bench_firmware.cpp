@@ -25,8 +25,7 @@ constexpr uint8_t kApplicationGood = 1 << 0;
 constexpr uint8_t kSettingsGood = 1 << 1;
 constexpr uint8_t kSensorGood = 1 << 2;
 
-constexpr uint8_t kCapabilities = protocol::kCapabilityClosedAtRest | protocol::kCapabilitySupply |
-                                  protocol::kCapabilitySrom | protocol::kCapabilityPicture;
+constexpr uint8_t kCapabilities = protocol::kCapabilityClosedAtRest | protocol::kCapabilitySupply;
 
 constexpr uint8_t kButtonMask =
     protocol::kButtonXray | protocol::kButtonContrast | protocol::kButtonClutch;
@@ -49,8 +48,7 @@ void BenchFirmware::Step() {
   } else {
     if (board::TakeFrameStart(&frame_start_us_)) Frame();
     ServeControl();
-    service_.Run();
-    if (service_.streaming()) Stream();
+    if (service_.Run()) Stream();
   }
   RunPendingCommand();
 }
@@ -59,7 +57,7 @@ void BenchFirmware::Step() {
 void BenchFirmware::ServeControl() {
   const uint32_t since_us = board::NowUs() - frame_start_us_;
   if (since_us >= kControlWindowUs && since_us < kFrameUs) {
-    board::HoldControl();
+    usb_.Hold();
   } else {
     usb_.Poll();
   }
@@ -68,11 +66,10 @@ void BenchFirmware::ServeControl() {
 // A firmware image on its way from the host to the sensor: nothing else until it is there, and
 // frames go by.
 void BenchFirmware::Stream() {
-  while (service_.streaming()) {
+  do {
     board::KickWatchdog();
-    if (board::ControlPending()) usb_.Poll();
-    service_.Run();
-  }
+    if (usb_.RequestPending()) usb_.Poll();
+  } while (service_.Run());
 }
 
 void BenchFirmware::FollowBus() {
@@ -170,7 +167,7 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
       identity.crystal_mhz = protocol::CrystalMhz(board::ClockCode());
       identity.cpu_mhz = protocol::CpuMhz(board::ClockCode());
       identity.board = board::Board();
-      identity.capabilities = kCapabilities;
+      identity.capabilities = static_cast<uint8_t>(kCapabilities | service_.capabilities());
       memcpy(identity.serial, serial_, kSerialBytes);
       identity.self_test = static_cast<uint8_t>(
           (board::ApplicationIsWhole() ? kApplicationGood : 0) |

@@ -5,19 +5,22 @@
 
 #include "firmware/src/buttons.h"
 #include "firmware/src/joystick.h"
-#include "firmware/src/pmw3360.h"
+#include "firmware/src/motion_sensor.h"
 #include "firmware/src/reference_switch.h"
 #include "firmware/src/report.h"
-#include "firmware/src/sensor_service.h"
 #include "firmware/src/serial_number.h"
 #include "firmware/src/settings.h"
-#include "firmware/src/usb_device.h"
+#include "firmware/src/usb_stack.h"
 
 namespace torquer {
 namespace firmware {
 
 class BenchFirmware final : public ReportHandler {
  public:
+  /// `sensor_reports` are those of `sensor`. All arguments must outlive this object.
+  BenchFirmware(MotionSensor& sensor, SensorReports& sensor_reports, UsbStack& usb)
+      : sensor_(sensor), service_(sensor_reports), usb_(usb) {}
+
   /// Call once, after the board is set up.
   void Start();
 
@@ -27,6 +30,7 @@ class BenchFirmware final : public ReportHandler {
   uint8_t GetInputReport(uint8_t id, uint8_t* report) override;
   uint8_t GetFeatureReport(uint8_t id, uint8_t* report) override;
   bool SetFeatureReport(const uint8_t* report, uint8_t size) override;
+  const char* serial() const override { return serial_; }
 
  private:
   void FollowBus();
@@ -37,15 +41,15 @@ class BenchFirmware final : public ReportHandler {
   void Doze();
   void RunPendingCommand();
 
+  MotionSensor& sensor_;
+  SensorReports& service_;
+  UsbStack& usb_;
   Settings settings_;
-  Pmw3360 sensor_;
-  SensorService service_{sensor_};
   Joystick joystick_;
   Buttons buttons_;
   ReferenceSwitch reference_;
   ReportBuilder report_;
   char serial_[kSerialBytes] = {};
-  UsbDevice usb_{*this, service_, serial_};
   uint32_t command_at_us_ = 0;
   uint32_t frame_start_us_ = 0;
   uint16_t stack_headroom_ = 0;

@@ -16,8 +16,6 @@ using pmw3360::kConfig1;
 using pmw3360::kConfig2;
 using pmw3360::kConfig2Bits;
 using pmw3360::kDeltaYHigh;
-using pmw3360::kExpectedInverseId;
-using pmw3360::kExpectedProductId;
 using pmw3360::kFrameBits;
 using pmw3360::kFrameCapture;
 using pmw3360::kInverseProductId;
@@ -29,10 +27,13 @@ using pmw3360::kNoRest;
 using pmw3360::kObservation;
 using pmw3360::kObservationWait;
 using pmw3360::kOperationMode;
+using pmw3360::kPmw3360Id;
+using pmw3360::kPmw3389Id;
 using pmw3360::kPowerUp;
 using pmw3360::kPowerUpReset;
 using pmw3360::kProductId;
 using pmw3360::kResetKey;
+using pmw3360::kResolutionLow;
 using pmw3360::kRevisionId;
 using pmw3360::kShutdown;
 using pmw3360::kShutdownKey;
@@ -154,8 +155,8 @@ void Pmw3360::Maintain() {
         product_id_ = bus_.Read(kProductId);
         revision_ = bus_.Read(kRevisionId);
         step_ = 1;
-      } else if (product_id_ == kExpectedProductId &&
-                 bus_.Read(kInverseProductId) == kExpectedInverseId) {
+      } else if ((product_id_ == kPmw3360Id || product_id_ == kPmw3389Id) &&
+                 bus_.Read(kInverseProductId) == static_cast<uint8_t>(~product_id_)) {
         step_ = 0;
         state_ = srom_wanted_ ? State::kPrepareSrom : State::kConfigure;
       } else {
@@ -189,8 +190,7 @@ void Pmw3360::Maintain() {
         bus_.Write(kConfig2, kNoRest);
         step_ = 1;
       } else {
-        cpi_ = wanted_cpi_;
-        bus_.Write(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
+        WriteResolution();
         state_ = State::kClearObservation;
       }
       break;
@@ -268,14 +268,27 @@ void Pmw3360::Observe() {
   state_ = State::kVerify;
 }
 
+uint8_t Pmw3360::ResolutionRegister() const {
+  return product_id_ == kPmw3389Id ? kResolutionLow : kConfig1;
+}
+
+uint8_t Pmw3360::ResolutionValue() const {
+  return static_cast<uint8_t>(cpi_ / (product_id_ == kPmw3389Id ? 50 : 100) - 1);
+}
+
+void Pmw3360::WriteResolution() {
+  cpi_ = wanted_cpi_;
+  bus_.Write(ResolutionRegister(), ResolutionValue());
+}
+
 bool Pmw3360::Passes(uint8_t check) {
   switch (check) {
     case kCheckRest:
       return (bus_.Read(kConfig2) & kConfig2Bits) == kNoRest;
     case kCheckCpi:
-      return bus_.Read(kConfig1) == static_cast<uint8_t>(cpi_ / 100 - 1);
+      return bus_.Read(ResolutionRegister()) == ResolutionValue();
     case kCheckIdentity:
-      return bus_.Read(kProductId) == kExpectedProductId;
+      return bus_.Read(kProductId) == product_id_;
     default:
       return bus_.Read(kSromId) == srom_id_;
   }
@@ -283,8 +296,7 @@ bool Pmw3360::Passes(uint8_t check) {
 
 void Pmw3360::CheckHealth() {
   if (wanted_cpi_ != cpi_) {
-    cpi_ = wanted_cpi_;
-    bus_.Write(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
+    WriteResolution();
     ArmBurst();
     return;
   }

@@ -1,5 +1,5 @@
-// Driver of the PixArt PMW3360: start-up, motion, and the watch over a sensor that may reset
-// itself.
+// Driver of the PixArt PMW3360 and PMW3389: start-up, motion, and the watch over a sensor that may
+// reset itself. The two differ in id and in the register of the resolution.
 #pragma once
 
 #include "firmware/src/motion_sensor.h"
@@ -11,10 +11,7 @@ namespace firmware {
 
 class Pmw3360 final : public MotionSensor {
  public:
-  /// To be called once, at power-up. The calls of Maintain() that follow start the sensor; until it
-  /// runs, Read() reports a fault.
-  void Start(uint16_t cpi);
-
+  void Start(uint16_t cpi) override;
   void BeginRead() override;
   MotionSample Read() override;
   void Maintain() override;
@@ -26,16 +23,11 @@ class Pmw3360 final : public MotionSensor {
   uint8_t revision() const override { return revision_; }
   uint16_t restarts() const override { return restarts_; }
   bool running() const override { return state_ == State::kRunning && bad_readings_ == 0; }
-
-  /// The number of the firmware image that the sensor runs; 0: its ROM.
-  uint8_t srom_id() const { return srom_id_; }
-  /// The sensor has lost an image by a reset, and no other has been loaded since.
-  bool srom_lost() const { return srom_lost_; }
-  /// Times that it had reset itself; saturates.
-  uint16_t self_resets() const { return self_resets_; }
-  protocol::SensorFaultCause fault_cause() const { return fault_cause_; }
-  /// Its Observation register when it was started.
-  uint8_t observation() const { return observation_; }
+  uint16_t self_resets() const override { return self_resets_; }
+  protocol::SensorFaultCause fault_cause() const override { return fault_cause_; }
+  uint8_t observation() const override { return observation_; }
+  uint8_t srom_id() const override { return srom_id_; }
+  bool srom_lost() const override { return srom_lost_; }
 
   /// --- for SensorService ---------------------------------------------------------------------
   /// Starts the sensor again, and stops where it waits for a firmware image.
@@ -82,6 +74,9 @@ class Pmw3360 final : public MotionSensor {
   };
 
   bool Passes(uint8_t check);
+  void WriteResolution();
+  uint8_t ResolutionRegister() const;
+  uint8_t ResolutionValue() const;
   void ArmBurst();
   void WaitThen(State next, uint32_t us);
   void ForgetSrom();

@@ -1,4 +1,5 @@
-// The PMW3360 by its data sheet, version 1.50: registers, keys and times.
+// The PMW3360 by its data sheet, version 1.50: registers, keys and times. Those of the PMW3389 that
+// are used here are the same, except where noted.
 #pragma once
 
 #include <stdint.h>
@@ -11,8 +12,9 @@ constexpr uint8_t kProductId = 0x00;
 constexpr uint8_t kRevisionId = 0x01;
 constexpr uint8_t kMotion = 0x02;
 constexpr uint8_t kDeltaYHigh = 0x06;
-constexpr uint8_t kConfig1 = 0x0f;  // resolution: cpi / 100 - 1
-constexpr uint8_t kConfig2 = 0x10;  // bit 5: rest modes, on after a reset
+constexpr uint8_t kConfig1 = 0x0f;        // resolution: cpi / 100 - 1
+constexpr uint8_t kResolutionLow = 0x0e;  // of a PMW3389: cpi / 50 - 1; the high byte stays 0
+constexpr uint8_t kConfig2 = 0x10;        // bit 5: rest modes, on after a reset
 constexpr uint8_t kFrameCapture = 0x12;
 constexpr uint8_t kSromEnable = 0x13;
 constexpr uint8_t kObservation = 0x24;
@@ -25,8 +27,8 @@ constexpr uint8_t kSromLoadBurst = 0x62;
 constexpr uint8_t kRawDataBurst = 0x64;
 constexpr uint8_t kWriteBit = 0x80;
 
-constexpr uint8_t kExpectedProductId = 0x42;
-constexpr uint8_t kExpectedInverseId = 0xbd;
+constexpr uint8_t kPmw3360Id = 0x42;
+constexpr uint8_t kPmw3389Id = 0x47;
 constexpr uint8_t kResetKey = 0x5a;
 constexpr uint8_t kShutdownKey = 0xb6;
 constexpr uint8_t kNoRest = 0x00;       // for Config2

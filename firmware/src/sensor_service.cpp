@@ -101,7 +101,7 @@ void SensorService::Note(const MotionSample& sample) {
   shutter_ = sample.shutter;
 }
 
-void SensorService::Run() {
+bool SensorService::Run() {
   switch (job_) {
     case Job::kFill:
       if (sensor_.AwaitsSrom() && !HasRoom()) {
@@ -130,6 +130,7 @@ void SensorService::Run() {
     default:
       break;
   }
+  return job_ == Job::kStream;
 }
 
 void SensorService::TakePicture() {

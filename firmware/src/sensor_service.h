@@ -7,14 +7,14 @@
 
 #include <stdint.h>
 
+#include "firmware/src/motion_sensor.h"
 #include "firmware/src/pmw3360.h"
-#include "firmware/src/usb_device.h"
 #include "protocol/hid_reports.h"
 
 namespace torquer {
 namespace firmware {
 
-class SensorService final : public LongReportHandler {
+class SensorService final : public SensorReports {
  public:
   explicit SensorService(Pmw3360& sensor) : sensor_(sensor) {}
 
@@ -26,13 +26,11 @@ class SensorService final : public LongReportHandler {
   Progress Read(const uint8_t** data, uint16_t* size) override;
   void Abandon() override;
 
-  /// Keeps the values that are reported with a picture. Call once a frame.
-  void Note(const MotionSample& sample);
-  /// Continues the current job. Call at every step.
-  void Run();
-  /// True during a burst to the sensor. Then only the USB is polled and Run() is called; all other
-  /// work waits.
-  bool streaming() const { return job_ == Job::kStream; }
+  void Note(const MotionSample& sample) override;
+  bool Run() override;
+  uint8_t capabilities() const override {
+    return protocol::kCapabilitySrom | protocol::kCapabilityPicture;
+  }
 
  private:
   enum class Job : uint8_t { kNone, kFill, kStream, kSettle, kRefused, kPicture, kPictureTaken };

@@ -1,6 +1,6 @@
 #include "firmware/src/usb_device.h"
 
-#include "firmware/board/board.h"
+#include "firmware/board/usb_packets.h"
 #include "firmware/src/serial_number.h"
 #include "firmware/src/usb_descriptors.h"
 
@@ -97,6 +97,10 @@ bool UsbDevice::Poll() {
                           (stage_ == Stage::kLongOut && long_reports_.HasRoom()));
   return serving;
 }
+
+bool UsbDevice::RequestPending() const { return board::ControlPending(); }
+
+void UsbDevice::Hold() { board::HoldControl(); }
 
 void UsbDevice::LeaveLongReport() {
   if (stage_ == Stage::kLongIn || stage_ == Stage::kLongOut || stage_ == Stage::kLongTaken) {
@@ -283,9 +287,10 @@ bool UsbDevice::SendStatus(uint8_t low) {
 }
 
 void UsbDevice::SendSerialString() {
+  const char* const serial = reports_.serial();
   uint8_t size = 2;
-  for (uint8_t i = 0; i < kSerialBytes && serial_[i] != 0; ++i) {
-    buffer_[size++] = static_cast<uint8_t>(serial_[i]);
+  for (uint8_t i = 0; i < kSerialBytes && serial[i] != 0; ++i) {
+    buffer_[size++] = static_cast<uint8_t>(serial[i]);
     buffer_[size++] = 0;
   }
   buffer_[0] = size;

@@ -1,76 +1,27 @@
-// The USB device: what each control request means, and the queue of input reports. The endpoint
-// registers are the board's.
+// The USB device: what each control request means, and the queue of input reports. The packets are
+// the board's (usb_packets.h).
 #pragma once
 
 #include <stdint.h>
 
-#include "protocol/hid_reports.h"
+#include "firmware/src/usb_stack.h"
 
 namespace torquer {
 namespace firmware {
 
-/// The HID reports behind the control requests.
-class ReportHandler {
+class UsbDevice final : public UsbStack {
  public:
-  /// Room for the largest report but the long ones.
-  static constexpr uint8_t kCapacity = 32;
+  /// Both arguments must outlive this object; they need not be constructed yet.
+  UsbDevice(ReportHandler& reports, LongReportHandler& long_reports)
+      : reports_(reports), long_reports_(long_reports) {}
 
-  /// Fills `report` (kCapacity bytes) with the report of that id; returns its size, 0 if there is
-  /// none to be read.
-  virtual uint8_t GetInputReport(uint8_t id, uint8_t* report) = 0;
-  virtual uint8_t GetFeatureReport(uint8_t id, uint8_t* report) = 0;
-  /// Takes a feature report; false, and nothing changed, if it is not acceptable. `size` is at most
-  /// kCapacity; a host may have padded the report to it.
-  virtual bool SetFeatureReport(const uint8_t* report, uint8_t size) = 0;
-
- protected:
-  ~ReportHandler() = default;
-};
-
-/// Feature reports that are too long to be kept until they are complete. One at a time.
-class LongReportHandler {
- public:
-  enum class Progress : uint8_t { kWait, kReady, kRefused };
-
-  /// A report of `size` bytes is about to be written; false if it cannot be taken.
-  virtual bool BeginWrite(uint8_t id, uint16_t size) = 0;
-  /// True if another packet can be taken. Its bytes come by Put(), the report's id first.
-  virtual bool HasRoom() const = 0;
-  virtual void Put(uint8_t byte) = 0;
-  /// Called after the last byte. Returns kReady if the report was taken.
-  virtual Progress EndWrite() = 0;
-  /// Begins to read the report; false if there is none.
-  virtual bool BeginRead(uint8_t id) = 0;
-  /// kReady once: the report, valid until the next BeginWrite() or BeginRead().
-  virtual Progress Read(const uint8_t** data, uint16_t* size) = 0;
-  /// Called when the host abandons the transfer.
-  virtual void Abandon() = 0;
-
- protected:
-  ~LongReportHandler() = default;
-};
-
-class UsbDevice {
- public:
-  /// `serial` has 16 zero-padded characters. All arguments must outlive this object.
-  UsbDevice(ReportHandler& reports, LongReportHandler& long_reports, const char* serial)
-      : reports_(reports), long_reports_(long_reports), serial_(serial) {}
-
-  /// Handles the events of endpoint 0 since the last call; never waits. True while a request is
-  /// served that does not only wait for the sensor.
-  bool Poll();
-
-  /// True if the host has configured the device and wants input reports.
-  bool configured() const { return configuration_ != 0; }
-  /// True if the host allows the device to wake it.
-  bool may_wake_host() const { return may_wake_host_; }
-
-  /// Queues a report. While the host does not poll, the newest report alone is kept for it, so that
-  /// what it reads first after a pause is fresh.
-  void SendInput(const protocol::InputReport& report);
-
-  /// Frames in which a report found no room; saturates.
-  uint16_t frames_missed() const { return frames_missed_; }
+  bool Poll() override;
+  bool RequestPending() const override;
+  void Hold() override;
+  bool configured() const override { return configuration_ != 0; }
+  bool may_wake_host() const override { return may_wake_host_; }
+  void SendInput(const protocol::InputReport& report) override;
+  uint16_t frames_missed() const override { return frames_missed_; }
 
  private:
   enum class Stage : uint8_t {
@@ -117,7 +68,6 @@ class UsbDevice {
 
   ReportHandler& reports_;
   LongReportHandler& long_reports_;
-  const char* serial_;
   Setup setup_ = {};
   const uint8_t* data_ = nullptr;
   uint16_t remaining_ = 0;

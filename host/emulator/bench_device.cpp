@@ -75,6 +75,7 @@ BenchDevice::BenchDevice(const FirmwareImage& image, const BenchOptions& options
   if (!options.serial.empty()) PutSerial(options.serial, &eeprom_);
   if (options.start_time_us) image_.SetInitialValue("torquer_clock_us", *options.start_time_us);
   sensor_.SetOptics(options.optics);
+  sensor_.SetKind(options.sensor_kind);
   PowerOn();
 }
 

@@ -22,6 +22,7 @@ struct BenchOptions {
   /// preload.
   double play_mm = 0.3;
   SensorImperfections sensor;
+  SensorKind sensor_kind = SensorKind::kPmw3360;
   /// Position of the sensor over the cylinder, as its camera sees it.
   SurfaceOptics optics;
   std::uint32_t seed = 1;

@@ -5,52 +5,10 @@
 #include <cstdio>
 #include <utility>
 
+#include "host/emulator/pmw3360_data.h"
+
 namespace torquer::emulator {
-namespace {
-
-// Registers of the data sheet, version 1.50.
-constexpr std::uint8_t kProductId = 0x00, kRevisionId = 0x01, kMotion = 0x02, kDeltaXLow = 0x03,
-                       kDeltaYHigh = 0x06, kSurfaceQuality = 0x07, kRawDataSum = 0x08,
-                       kMaximumRawData = 0x09, kMinimumRawData = 0x0a, kShutterLower = 0x0b,
-                       kShutterUpper = 0x0c, kControl = 0x0d, kConfig2 = 0x10, kFrameCapture = 0x12,
-                       kSromEnable = 0x13, kRunDownshift = 0x14, kRest1Rate = 0x15,
-                       kRest1Downshift = 0x17, kRest2Rate = 0x18, kRest2Downshift = 0x1a,
-                       kRest3Rate = 0x1b, kObservation = 0x24, kSromId = 0x2a,
-                       kMinimumQualityRun = 0x2b, kRawDataThreshold = 0x2c, kConfig5 = 0x2f,
-                       kPowerUpReset = 0x3a, kShutdown = 0x3b, kInverseProductId = 0x3f,
-                       kMotionBurst = 0x50, kSromLoadBurst = 0x62, kLiftConfig = 0x63,
-                       kRawDataBurst = 0x64;
-constexpr std::pair<std::uint8_t, std::uint8_t> kResetValues[] = {
-    {kProductId, 0x42},        {kRevisionId, 0x01},    {kMotion, 0x20},
-    {kShutterLower, 0x12},     {kControl, 0x02},       {0x0f, 0x31},
-    {kConfig2, 0x20},          {kRunDownshift, 0x32},  {kRest1Rate, 0x00},
-    {kRest1Downshift, 0x1f},   {kRest2Rate, 0x63},     {kRest2Downshift, 0xbc},
-    {kRest3Rate, 0xf3},        {kRest3Rate + 1, 0x01}, {kMinimumQualityRun, 0x10},
-    {kRawDataThreshold, 0x0a}, {kConfig5, 0x31},       {kInverseProductId, 0xbd},
-    {kLiftConfig, 0x02}};
-constexpr std::uint8_t kReadOnly[] = {
-    kProductId,      kRevisionId,   kSurfaceQuality, kRawDataSum, kMaximumRawData,
-    kMinimumRawData, kShutterLower, kShutterUpper,   kSromId,     kInverseProductId};
-constexpr std::uint8_t kResetKey = 0x5a, kShutdownKey = 0xb6, kRestEnable = 0x20;
-// Reserved bits of Config2. The data sheet states no value of theirs after a write; here they read
-// as ones then.
-constexpr std::uint8_t kReservedConfig2 = 0xda;
-constexpr std::uint8_t kSromPrepare = 0x1d, kSromStart = 0x18;
-constexpr std::uint8_t kCaptureFirst = 0x83, kCaptureSecond = 0xc5;
-constexpr std::uint8_t kForeignId = 0x47;
-constexpr std::uint8_t kSromRun = 0x40, kFrameBits = 0x3f;
-
-// Minimum times in us, by the names of the data sheet.
-constexpr double kSelectToClock = 0.120, kAddressToData = 160, kAddressToBurst = 35,
-                 kClockToDeselectRead = 0.120, kClockToDeselectWrite = 35, kAfterWrite = 180,
-                 kAfterRead = 20, kBurstExit = 0.5, kRawDataExit = 4, kLongBurstByte = 15,
-                 kStartUp = 50000, kSromPrepareWait = 10000, kCaptureWait = 20000,
-                 kCaptureAfterReset = 250000;
-constexpr double kMaxClockHz = 2e6;
-constexpr int kSromBytes = 4094;
-constexpr double kMillisecond_us = 1000;
-
-}  // namespace
+using namespace pmw3360_data;
 
 VirtualPmw3360::VirtualPmw3360(const SensorImperfections& imperfections, std::uint32_t seed)
     : imperfections_(imperfections),
@@ -61,6 +19,11 @@ VirtualPmw3360::VirtualPmw3360(const SensorImperfections& imperfections, std::ui
   PowerUp(0);
 }
 
+int VirtualPmw3360::cpi() const {
+  if (kind_ == SensorKind::kPmw3360) return (registers_[kConfig1] + 1) * 100;
+  return (registers_[kResolutionLow] + 256 * registers_[kResolutionHigh] + 1) * 50;
+}
+
 void VirtualPmw3360::SetSurface(std::function<Position(double)> surface) {
   surface_ = surface;
   navigation_.SetSurface(std::move(surface));
@@ -69,6 +32,9 @@ void VirtualPmw3360::SetSurface(std::function<Position(double)> surface) {
 void VirtualPmw3360::Reset(double now_us) {
   registers_.fill(0);
   for (const auto& [address, value] : kResetValues) registers_[address] = value;
+  if (kind_ == SensorKind::kPmw3389) {
+    for (const auto& [address, value] : kPmw3389Values) registers_[address] = value;
+  }
   reset_us_ = now_us;
   ClearObservation(now_us);
   burst_armed_ = asleep_ = set_up_ = configured_ = unnoticed_reset_ = false;
@@ -296,19 +262,19 @@ void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, dou
     return;
   }
   // Motion up to now counts with the old register values.
-  if (address == kConfig1 || address == kConfig2) {
+  const bool resolution =
+      address == kConfig1 || (address == kResolutionLow && kind_ == SensorKind::kPmw3389);
+  if (resolution || address == kConfig2) {
     navigation_.Advance(now_us, NavigationSettings(), blind());
   }
   registers_[address] = value;
+  configured_ = configured_ || resolution;
   switch (address) {
     case kPowerUpReset:
       if (value == kResetKey) PowerUp(now_us);
       break;
     case kShutdown:
       asleep_ = asleep_ || value == kShutdownKey;
-      break;
-    case kConfig1:
-      configured_ = true;
       break;
     case kConfig2:
       registers_[kConfig2] |= kReservedConfig2;

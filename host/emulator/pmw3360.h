@@ -17,6 +17,9 @@
 
 namespace torquer::emulator {
 
+/// The two are driven alike, except for their ids and the register of the resolution.
+enum class SensorKind { kPmw3360, kPmw3389 };
+
 class VirtualPmw3360 {
  public:
   enum class Fault {
@@ -39,6 +42,9 @@ class VirtualPmw3360 {
   void SetSurface(std::function<Position(double now_us)> surface);
   /// Sets how the sensor sits above the surface and how clean it is.
   void SetOptics(const SurfaceOptics& optics) { optics_ = optics; }
+
+  /// Chooses the part; holds from the next power-up on.
+  void SetKind(SensorKind kind) { kind_ = kind; }
 
   /// --- pins ----------------------------------------------------------------------------------
   void SetSelected(bool selected, double now_us);
@@ -66,7 +72,7 @@ class VirtualPmw3360 {
   bool counting() const { return set_up_; }
   /// True if the firmware has sent the sensor to sleep, with negligible current.
   bool asleep() const { return asleep_; }
-  int cpi() const { return (registers_[kConfig1] + 1) * 100; }
+  int cpi() const;
   SensorNavigation::Mode mode() const { return navigation_.mode(); }
   /// Number of spontaneous resets.
   int self_resets() const { return self_resets_; }
@@ -108,6 +114,7 @@ class VirtualPmw3360 {
   SensorNavigation::Settings NavigationSettings() const;
 
   SensorImperfections imperfections_;
+  SensorKind kind_ = SensorKind::kPmw3360;
   std::uint32_t seed_;
   std::mt19937 random_;
   SensorNavigation navigation_;

@@ -335,5 +335,37 @@ TEST_CASE("a sensor that fails while its picture is taken ends the request") {
   CHECK_FALSE(Faulty(bench));
 }
 
+TEST_CASE("with a PMW3389 in its place, no count is lost and no rule broken") {
+  for (const int cpi : {1200, 5000, 12000}) {
+    BenchOptions options;
+    options.sensor_kind = SensorKind::kPmw3389;
+    Bench bench(options);
+    bench.device.SetHand([](double time_s) {
+      HandState hand;
+      hand.insertion_mm = 20 * std::clamp(time_s - 1, 0.0, 1.0);
+      hand.rotation_rad = -0.3 * hand.insertion_mm;
+      return hand;
+    });
+    bench.Start();
+    const auto identity = bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+    CHECK(identity.sensor_product_id == 0x47);
+    CHECK((identity.self_test & 4) != 0);
+    REQUIRE(bench.Configure(cpi, 20) == TransferStatus::kDone);
+    while (bench.device.now_us() < 2.2e6) bench.host.RunFrame();
+    CAPTURE(cpi);
+    CHECK(bench.device.sensor().cpi() == cpi);
+    CHECK(bench.last.axial_counts == bench.device.sensor().axial_counts());
+    CHECK(bench.last.transverse_counts == bench.device.sensor().transverse_counts());
+    CHECK(std::abs(bench.last.axial_counts - 20 / 25.4 * cpi) <= 1);
+    CHECK(bench.gaps == 0);
+    // A spontaneous reset is noticed, and the resolution set again.
+    bench.device.sensor().ResetItself(bench.device.chip().now_us());
+    bench.Run(0.5);
+    CHECK(bench.device.sensor().cpi() == cpi);
+    CHECK(bench.Diagnostics().sensor_resets == 1);
+    bench.CheckRules();
+  }
+}
+
 }  // namespace
 }  // namespace torquer::emulator

@@ -4,6 +4,9 @@
 #include <cstring>
 
 #include "firmware/board/board.h"
+#include "firmware/src/pmw3360.h"
+#include "firmware/src/sensor_service.h"
+#include "firmware/src/usb_device.h"
 #include "protocol/eeprom_layout.h"
 #include "tests/firmware/fake_board.h"
 #include "tests/support/reports.h"
@@ -57,7 +60,10 @@ class Bench {
                                      sizeof(report));
   }
 
-  BenchFirmware firmware;
+  Pmw3360 sensor;
+  SensorService sensor_reports{sensor};
+  UsbDevice usb{firmware, sensor_reports};
+  BenchFirmware firmware{sensor, sensor_reports, usb};
   bool sensor_dead = false;
 
  private:

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "firmware/board/board.h"
+#include "firmware/board/usb_packets.h"
 
 namespace torquer::firmware {
 namespace {

@@ -34,9 +34,10 @@ class FakeSensor {
     std::fill(std::begin(registers_), std::end(registers_), std::uint8_t{0});
     registers_[0x00] = product_id;
     registers_[0x01] = 0x05;
-    registers_[0x0f] = 0x31;
+    registers_[0x0e] = product_id == 0x47 ? 0x63 : 0;
+    registers_[0x0f] = product_id == 0x47 ? 0 : 0x31;
     registers_[0x10] = 0x20;
-    registers_[0x3f] = 0xbd;
+    registers_[0x3f] = static_cast<std::uint8_t>(~product_id);
     Unobserve();
   }
   void Unobserve() {
@@ -273,6 +274,26 @@ TEST_CASE("one that came back between two readings is found by what it has forgo
   }
 }
 
+TEST_CASE("a PMW3389 is driven, with its own register of the resolution") {
+  FakeSensor sensor;
+  sensor.product_id = 0x47;
+  Pmw3360 driver;
+  sensor.StartUp(&driver, 3200);
+  CHECK(driver.product_id() == 0x47);
+  CHECK(sensor.reg(0x0e) == 63);  // 3200 counts an inch in steps of 50
+  CHECK(sensor.reg(0x0f) == 0);
+  driver.SetCpi(12000);
+  for (int i = 0; i < 200; ++i) CHECK_FALSE(sensor.Frame(&driver).fault);
+  CHECK(sensor.reg(0x0e) == 239);
+  CHECK(driver.restarts() == 0);
+  sensor.reg(0x0e) = 0x63;  // its value after a reset
+  int faults = 0;
+  for (int i = 0; i < 500; ++i) faults += sensor.Frame(&driver).fault ? 1 : 0;
+  CHECK(faults > 0);
+  CHECK(driver.self_resets() == 1);
+  CHECK(sensor.reg(0x0e) == 239);
+}
+
 TEST_CASE("reserved bits of a register do not make a fault") {
   FakeSensor sensor;
   Pmw3360 driver;
@@ -355,11 +376,11 @@ TEST_CASE("a start that the sensor does not keep is begun again, and not all at 
 
 TEST_CASE("another sensor is refused, and what it said is reported") {
   FakeSensor sensor;
-  sensor.product_id = 0x47;
+  sensor.product_id = 0x33;
   Pmw3360 driver;
   driver.Start(1200);
   for (int i = 0; i < 150; ++i) CHECK(sensor.Frame(&driver).fault);
-  CHECK(driver.product_id() == 0x47);
+  CHECK(driver.product_id() == 0x33);
   CHECK_FALSE(driver.running());
 }
 

@@ -15,6 +15,8 @@ using Bytes = std::vector<std::uint8_t>;
 /// Handler of short reports: input report 1 is read, feature report 3 is read and written.
 class Reports final : public ReportHandler {
  public:
+  static constexpr char kSerial[16] = {'A', 'B', '1'};
+
   std::uint8_t GetInputReport(std::uint8_t id, std::uint8_t* report) override {
     report[0] = id;
     return id == 1 ? 32 : 0;
@@ -28,6 +30,7 @@ class Reports final : public ReportHandler {
     taken = Bytes(report, report + size);
     return accept;
   }
+  const char* serial() const override { return kSerial; }
   Bytes taken;
   bool accept = true;
 };
@@ -89,8 +92,7 @@ class Conversation {
 
   Reports reports;
   LongReports long_reports;
-  const char serial[16] = {'A', 'B', '1'};
-  UsbDevice device{reports, long_reports, serial};
+  UsbDevice device{reports, long_reports};
 };
 
 }  // namespace torquer::firmware

@@ -210,7 +210,7 @@ void IsInGoodHealth(Program& program) {
   }
   CHECK((report.flags & protocol::kFlagSensorFault) == 0);
   const auto identity = program.Get<IdentityReport>(protocol::kIdentityReportId);
-  CHECK(identity.sensor_product_id == 0x42);
+  CHECK((identity.sensor_product_id == 0x42 || identity.sensor_product_id == 0x47));
   CHECK(identity.self_test == 7);
   const auto diagnostics = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
   CHECK(diagnostics.sensor_faults == 0);

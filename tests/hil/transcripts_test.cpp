@@ -13,20 +13,23 @@ namespace {
 
 using namespace torquer::hil;
 using torquer::emulator::BenchDevice;
+using torquer::emulator::BenchOptions;
 using torquer::emulator::FirmwareImage;
 using torquer::emulator::HandState;
 using torquer::emulator::UmockdevBench;
 using torquer::emulator::UsbHost;
 
 struct Bench {
-  Bench() { program.Open(); }
+  explicit Bench(const BenchOptions& options = {})
+      : device(FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")), options,
+               [](double) { return HandState{}; }) {
+    program.Open();
+  }
   ~Bench() {
     program.Close();
     device.Do([](BenchDevice& bench, UsbHost&) { CHECK(bench.violation_count() == 0); });
   }
-  UmockdevBench device{FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")),
-                       {},
-                       [](double) { return HandState{}; }};
+  UmockdevBench device;
   Program program;
 };
 
@@ -35,6 +38,17 @@ struct Bench {
 TEST_CASE("the device describes itself") {
   Bench bench;
   DescribesItself(bench.program);
+}
+TEST_CASE("a device with another sensor converses as one with a PMW3360") {
+  BenchOptions options;
+  options.sensor_kind = torquer::emulator::SensorKind::kPmw3389;
+  Bench bench(options);
+  DescribesItself(bench.program);
+  SendsEveryFrame(bench.program, 200, 0);
+  KeepsItsConfiguration(bench.program);
+  RefusesNonsense(bench.program);
+  HaltsAndGoesOn(bench.program);
+  IsInGoodHealth(bench.program);
 }
 TEST_CASE("the device sends in every frame") {
   Bench bench;

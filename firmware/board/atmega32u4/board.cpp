@@ -14,6 +14,7 @@
 #include "firmware/board/atmega32u4/pins.h"
 #include "firmware/board/atmega32u4/setup.h"
 #include "protocol/firmware_image.h"
+#include "protocol/hid_descriptor.h"  // TORQUER_IN_FLASH
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 

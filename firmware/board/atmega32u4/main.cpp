@@ -1,10 +1,17 @@
 #include "firmware/board/atmega32u4/setup.h"
 #include "firmware/board/board.h"
 #include "firmware/src/bench_firmware.h"
+#include "firmware/src/pmw3360.h"
+#include "firmware/src/sensor_service.h"
+#include "firmware/src/usb_device.h"
 
 namespace {
-torquer::firmware::BenchFirmware bench_firmware;
-}
+extern torquer::firmware::BenchFirmware bench_firmware;
+torquer::firmware::Pmw3360 sensor;
+torquer::firmware::SensorService sensor_reports{sensor};
+torquer::firmware::UsbDevice usb{bench_firmware, sensor_reports};
+torquer::firmware::BenchFirmware bench_firmware{sensor, sensor_reports, usb};
+}  // namespace
 
 int main() {
   torquer::board::SetUp();

@@ -7,6 +7,7 @@
 #include "firmware/board/atmega32u4/clock.h"
 #include "firmware/board/atmega32u4/setup.h"
 #include "firmware/board/board.h"
+#include "firmware/board/usb_packets.h"
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 
@@ -177,7 +178,7 @@ bool TakeFrameStart(uint32_t* start_us) {
 
 // Cleared only where it was seen set: a reset between a read and a write that always clears would
 // be lost. One that comes after the read is handled with the one before it.
-bool TakeUsbReset() {
+__attribute__((noinline)) bool TakeUsbReset() {
   if (!bus_was_reset) return false;
   bus_was_reset = false;
   return true;

@@ -1,0 +1,215 @@
+// The firmware on another board: a USB stack that exchanges whole reports, and a sensor that is no
+// PMW3360. Nothing of it touches packets of endpoint 0 or the SPI.
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <cstring>
+#include <deque>
+#include <functional>
+#include <vector>
+
+#include "firmware/src/bench_firmware.h"
+#include "protocol/firmware_image.h"
+#include "tests/firmware/fake_board.h"
+#include "tests/support/reports.h"
+
+namespace torquer::firmware {
+namespace {
+
+/// Stack of another controller: requests of the host wait as functions until Poll().
+class ReportStack final : public UsbStack {
+ public:
+  ReportStack(ReportHandler& reports, LongReportHandler& long_reports)
+      : reports_(reports), long_reports_(long_reports) {}
+
+  bool Poll() override {
+    held = false;
+    if (requests.empty()) return false;
+    const std::function<void()> request = requests.front();
+    requests.pop_front();
+    request();
+    return true;
+  }
+  bool RequestPending() const override { return !requests.empty(); }
+  void Hold() override { held = true; }
+  bool configured() const override { return is_configured; }
+  bool may_wake_host() const override { return may_wake; }
+  void SendInput(const protocol::InputReport& report) override { sent.push_back(report); }
+  uint16_t frames_missed() const override { return 3; }
+
+  ReportHandler& reports() { return reports_; }
+  LongReportHandler& long_reports() { return long_reports_; }
+
+  std::deque<std::function<void()>> requests;
+  std::vector<protocol::InputReport> sent;
+  bool is_configured = true, may_wake = false, held = false;
+
+ private:
+  ReportHandler& reports_;
+  LongReportHandler& long_reports_;
+};
+
+/// Sensor with an id of its own; each reading is the next of `motion`.
+class OtherSensor final : public MotionSensor {
+ public:
+  void Start(uint16_t cpi) override { cpi_ = cpi; }
+  void BeginRead() override {}
+  MotionSample Read() override {
+    MotionSample sample;
+    sample.delta_x = -2;
+    sample.delta_y = 1;
+    sample.fault = asleep;
+    if (asleep) sample.delta_x = sample.delta_y = 0;
+    return sample;
+  }
+  void Maintain() override { ++maintained; }
+  void Sleep() override { asleep = true; }
+  void Wake() override { asleep = false; }
+  void SetCpi(uint16_t cpi) override { cpi_ = cpi; }
+  uint16_t cpi() const override { return cpi_; }
+  uint8_t product_id() const override { return 0x51; }
+  uint8_t revision() const override { return 9; }
+  uint16_t restarts() const override { return 4; }
+  bool running() const override { return !asleep; }
+  uint16_t self_resets() const override { return 2; }
+  protocol::SensorFaultCause fault_cause() const override { return protocol::kSensorFrozen; }
+  uint8_t observation() const override { return 0; }
+  uint8_t srom_id() const override { return 0; }
+  bool srom_lost() const override { return false; }
+
+  int maintained = 0;
+  bool asleep = false;
+
+ private:
+  uint16_t cpi_ = 0;
+};
+
+/// A sensor without picture and image.
+class NoSensorReports final : public SensorReports {
+ public:
+  bool BeginWrite(uint8_t, uint16_t) override { return false; }
+  bool HasRoom() const override { return false; }
+  void Put(uint8_t) override {}
+  Progress EndWrite() override { return Progress::kRefused; }
+  bool BeginRead(uint8_t) override { return false; }
+  Progress Read(const uint8_t**, uint16_t*) override { return Progress::kRefused; }
+  void Abandon() override {}
+  void Note(const MotionSample&) override {}
+  bool Run() override { return false; }
+  uint8_t capabilities() const override { return 0; }
+};
+
+struct OtherBoard {
+  OtherBoard() {
+    NewBoard();
+    firmware.Start();
+  }
+  void Frame() {
+    const std::uint32_t start_us = board().now_us;
+    board().frame_start_us = start_us;
+    firmware.Step();
+    board().now_us = start_us + 1000;
+  }
+  template <typename Report>
+  Report Get(std::uint8_t id) {
+    Report report{};
+    usb.requests.push_back([&] {
+      std::uint8_t bytes[ReportHandler::kCapacity];
+      REQUIRE(usb.reports().GetFeatureReport(id, bytes) == sizeof(report));
+      std::memcpy(&report, bytes, sizeof(report));
+    });
+    for (int i = 0; i < 10 && usb.RequestPending(); ++i) Frame();
+    REQUIRE_FALSE(usb.RequestPending());
+    return report;
+  }
+  template <typename Report>
+  bool Set(const Report& report) {
+    bool taken = false;
+    usb.requests.push_back([&] {
+      taken = usb.reports().SetFeatureReport(reinterpret_cast<const std::uint8_t*>(&report),
+                                             sizeof(report));
+    });
+    for (int i = 0; i < 10 && usb.RequestPending(); ++i) Frame();
+    return taken;
+  }
+
+  OtherSensor sensor;
+  NoSensorReports sensor_reports;
+  ReportStack usb{firmware, sensor_reports};
+  BenchFirmware firmware{sensor, sensor_reports, usb};
+};
+
+TEST_CASE("on another board, each frame sends a report with the motion of another sensor") {
+  OtherBoard other;
+  for (int i = 0; i < 100; ++i) other.Frame();
+  REQUIRE(other.usb.sent.size() == 100);
+  for (std::size_t i = 1; i < other.usb.sent.size(); ++i) {
+    const protocol::InputReport& before = other.usb.sent[i - 1];
+    CHECK(other.usb.sent[i].sequence == before.sequence + 1);
+    CHECK(other.usb.sent[i].axial_counts == before.axial_counts + 1);
+    CHECK(other.usb.sent[i].transverse_counts == before.transverse_counts + 2);
+  }
+  CHECK(other.usb.sent.back().flags == 0);
+  CHECK(other.sensor.maintained > 90);
+  other.usb.is_configured = false;
+  other.Frame();
+  CHECK(other.usb.sent.size() == 100);
+}
+
+TEST_CASE("on another board, reports name the sensor and what it can do") {
+  OtherBoard other;
+  const auto identity = other.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+  CHECK(identity.sensor_product_id == 0x51);
+  CHECK(identity.sensor_revision == 9);
+  CHECK(identity.board == protocol::kBoardBenchAtmega32u4);
+  CHECK(identity.capabilities == (protocol::kCapabilityClosedAtRest | protocol::kCapabilitySupply));
+  CHECK(std::string(identity.serial, 3) == "TQ-");
+  CHECK(std::string(other.usb.reports().serial()) == identity.serial);
+  const auto diagnostics = other.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  CHECK(diagnostics.sensor_faults == 4);
+  CHECK(diagnostics.sensor_resets == 2);
+  CHECK(diagnostics.sensor_fault_cause == protocol::kSensorFrozen);
+  CHECK(diagnostics.frames_missed == 3);
+  CHECK(other.Set(test::ConfigurationOf(3200, 30)));
+  for (int i = 0; i < 100; ++i) other.Frame();
+  CHECK(other.sensor.cpi() == 3200);
+  CHECK_FALSE(other.usb.long_reports().BeginRead(protocol::kPictureReportId));
+  CHECK_FALSE(
+      other.usb.long_reports().BeginWrite(protocol::kSromReportId, sizeof(protocol::SromReport)));
+}
+
+TEST_CASE("on another board, no packet and no byte of the SPI is used, and suspend works") {
+  OtherBoard other;
+  for (int i = 0; i < 10; ++i) other.Frame();
+  other.usb.may_wake = true;
+  board().bus_suspended = true;
+  for (int i = 0; i < 5; ++i) other.firmware.Step();
+  CHECK(other.sensor.asleep);
+  board().buttons = protocol::kButtonClutch;
+  for (int i = 0; i < 5; ++i) other.firmware.Step();
+  CHECK(board().host_wakes == 1);
+  board().bus_suspended = false;
+  other.firmware.Step();
+  CHECK_FALSE(other.sensor.asleep);
+  CHECK(board().spi_log.empty());
+  CHECK(board().inputs.empty());
+  CHECK(board().control_sent.empty());
+  CHECK(board().control_holds == 0);
+}
+
+TEST_CASE("on another board, requests late in a frame are held for the next one") {
+  OtherBoard other;
+  other.Frame();
+  board().frame_start_us = board().now_us;
+  other.firmware.Step();
+  board().now_us += 700;
+  bool served = false;
+  other.usb.requests.push_back([&served] { served = true; });
+  other.firmware.Step();
+  CHECK_FALSE(served);
+  CHECK(other.usb.held);
+  other.Frame();
+  CHECK(served);
+}
+
+}  // namespace
+}  // namespace torquer::firmware
