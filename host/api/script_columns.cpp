@@ -49,7 +49,7 @@ void ScriptColumns::TakeColumn(std::size_t index) {
     const std::string& instrument = instruments_[k].name;
     if (name == instrument + ".insertion_mm") {
       const double start_mm = instruments_[k].start.insertion_mm;
-      return add(k, -simulator::kPoseLimit - start_mm, simulator::kPoseLimit - start_mm, false,
+      return add(k, -start_mm, simulator::kPoseLimit - start_mm, false,
                  [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
     }
     if (name == instrument + ".rotation_rad") {

@@ -6,12 +6,13 @@
 
 #include "host/api/parts.h"
 #include "host/simulator/session_record.h"
-#include "host/support/angles.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer {
 
 namespace {
+
+constexpr double kRounding_mm = 1e-6;
 
 void Check(const Command& command, const Scene& scene) {
   const std::vector<InstrumentInfo>& instruments = scene.instruments();
@@ -22,6 +23,11 @@ void Check(const Command& command, const Scene& scene) {
   }
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     const Hand& hand = command.hands[k];
+    if (hand.insertion_mm < -kRounding_mm) {
+      throw Error(fmt::format(
+          "the hand of {} is at {:g} mm; give 0 or more, its distance past the entry point",
+          instruments[k].name, hand.insertion_mm));
+    }
     if (simulator::IsValid(InstrumentPose{hand.insertion_mm, hand.rotation_rad})) continue;
     throw Error(fmt::format("the hand of {} is at {} mm and {} rad; give finite values within 1e5",
                             instruments[k].name, hand.insertion_mm, hand.rotation_rad));
@@ -30,14 +36,7 @@ void Check(const Command& command, const Scene& scene) {
     if (std::abs(angle_deg) <= 180) continue;
     throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
   }
-  const Imaging& imaging = command.imaging;
-  if (simulator::IsValid(ToEffects(imaging))) return;
-  throw Error(fmt::format(
-      "imaging has mode {}, pulses_per_s {}, magnification {}, shutters left {}, right {}, top {}, "
-      "bottom {}; give a mode that there is, 1 to 60 pulses or 0, magnification 1 to 4, shutters 0 "
-      "to 0.45",
-      static_cast<int>(imaging.mode), imaging.pulses_per_s, imaging.magnification, imaging.left,
-      imaging.right, imaging.top, imaging.bottom));
+  CheckImaging(command.imaging);
 }
 
 std::vector<double> InMilli(const std::vector<double>& values) {
@@ -280,48 +279,16 @@ Forces Simulation::forces() const {
   const auto hold = parts().usage.Look();
   Forces out;
   const InternalForces* const forces = parts_->simulation.forces();
-  if (forces == nullptr) return out;
+  if (forces == nullptr) {
+    throw Error(parts_->scene.name() +
+                ": has no forces along the wire; add [effects.internal_forces]");
+  }
   for (const Eigen::Vector3d& f : forces->contact_N) out.contact_mN.push_back(ToPoint(1e3 * f));
   out.line_load_mN_mm = InMilli(forces->line_load_N_mm);
   out.tension_mN = InMilli(forces->tension_N);
   out.bending_mN_mm = InMilli(forces->bending_mJ);
   out.twisting_mN_mm = InMilli(forces->twisting_mJ);
   return out;
-}
-
-int Simulation::picture_planes() const {
-  const auto hold = parts().usage.Look();
-  return static_cast<int>(parts_->pictures.size());
-}
-
-bool Simulation::picture_due(int plane) const {
-  const auto hold = parts().usage.Look();
-  return plane >= 0 && plane < static_cast<int>(parts_->pictures.size()) &&
-         parts_->pictures_due[static_cast<std::size_t>(plane)];
-}
-
-const Picture& Simulation::LastPicture(int plane) {
-  const auto hold = parts().usage.Work();
-  if (parts_->pictures.empty()) {
-    throw Error(parts_->scene.name() +
-                ": has no X-ray picture to render; add [effects.fluoroscopy]");
-  }
-  if (plane < 0 || plane >= picture_planes()) {
-    throw Error(fmt::format("plane {} does not exist; give 0 to {}", plane, picture_planes() - 1));
-  }
-  const auto k = static_cast<std::size_t>(plane);
-  if (!parts_->pictures_due[k]) return parts_->pictures[k];
-  parts_->past.AddRendering(plane);
-  effects::ImageSource::Picture taken;
-  parts_->simulation.image(k)->Render(taken);
-  parts_->pictures[k] = {.width = taken.width,
-                         .height = taken.height,
-                         .time_s = taken.time_s,
-                         .lao_deg = taken.controls.lao_rad / kRadPerDeg,
-                         .cra_deg = taken.controls.cra_rad / kRadPerDeg,
-                         .gray = std::move(taken.gray)};
-  parts_->pictures_due[k] = false;
-  return parts_->pictures[k];
 }
 
 }  // namespace torquer

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "host/api/parts.h"
+#include "host/simulator/vessel/mesh_check.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/patient_space.h"
 #include "host/simulator/vessel/surface_mesh.h"
@@ -23,14 +24,14 @@ vessel::MeshUnit UnitNamed(const std::string& name) {
   throw Error(fmt::format("mesh_unit = \"{}\" is no unit of length; give one of: {}", name, known));
 }
 
-Surface SurfaceOf(vessel::SurfaceMesh from) {
-  Surface out;
-  for (const Eigen::Vector3d& point : from.mesh.vertices_mm) {
-    out.points_mm.push_back(ToPoint(point));
-  }
-  out.triangles = std::move(from.mesh.triangles);
-  out.findings = std::move(from.report.findings);
+Surface SurfaceOf(const vessel::TriangleMesh& mesh, const std::vector<std::string>& findings) {
+  Surface out{.points_mm = {}, .triangles = mesh.triangles, .findings = findings, .space = ""};
+  for (const Eigen::Vector3d& point : mesh.vertices_mm) out.points_mm.push_back(ToPoint(point));
   return out;
+}
+
+Surface SurfaceOf(const vessel::SurfaceMesh& from) {
+  return SurfaceOf(from.mesh, from.report.findings);
 }
 
 }  // namespace
@@ -67,6 +68,22 @@ Surface Surface::FromTriangles(const std::vector<Point>& points,
   }
   mesh.triangles = triangles;
   return Guarded([&] { return SurfaceOf(vessel::RepairSurface(std::move(mesh), name, unit)); });
+}
+
+Surface Scene::surface() const {
+  const vessel::Vessel& vessel = parts_->scene->vessel();
+  if (vessel.surface != nullptr) return SurfaceOf(vessel.surface->mesh(), vessel.findings);
+  throw Error(path() + ": vessel.kind = \"" + parts_->scene->spec().vessel.kind +
+              "\": has no surface of triangles; use a scene with kind = \"surface\"");
+}
+
+SurfaceCheck CheckSurface(const std::string& path) {
+  return Guarded([&] {
+    const vessel::MeshCheck check = vessel::CheckMesh(vessel::ReadMeshContents(path), path);
+    return SurfaceCheck{.is_usable = check.surface.has_value(),
+                        .text = vessel::DescribeCheck(check),
+                        .proposal = vessel::ProposeScene(check)};
+  });
 }
 
 }  // namespace torquer

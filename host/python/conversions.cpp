@@ -28,6 +28,15 @@ py::array_t<double> ToRows(const std::vector<torquer::Point>& points) {
   return out;
 }
 
+std::vector<Point> ToPoints(const Rows& rows, const char* name) {
+  RequireColumns(rows, name, 3);
+  std::vector<Point> points;
+  for (py::ssize_t k = 0; k < rows.shape(0); ++k) {
+    points.push_back({rows.at(k, 0), rows.at(k, 1), rows.at(k, 2)});
+  }
+  return points;
+}
+
 std::string PathText(const py::object& path) {
   return py::module_::import("os").attr("fspath")(path).cast<std::string>();
 }

@@ -21,6 +21,7 @@ using torquer::python::Represent;
 using torquer::python::RequireColumns;
 using torquer::python::Rows;
 using torquer::python::SceneFrom;
+using torquer::python::ToPoints;
 using torquer::python::ToRows;
 
 namespace {
@@ -75,7 +76,6 @@ py::dict ToDict(const std::vector<torquer::Contact>& contacts) {
 py::dict ForcesOf(const Simulation& simulation) {
   const torquer::Forces forces = simulation.forces();
   py::dict out;
-  if (forces.contact_mN.empty()) return out;
   out["contact_mN"] = ToRows(forces.contact_mN);
   out["line_load_mN_mm"] = ToColumn(forces.line_load_mN_mm);
   out["tension_mN"] = ToColumn(forces.tension_mN);
@@ -95,6 +95,18 @@ py::object PictureOf(Simulation& simulation, int plane) {
     if (picture->width == 0) return;
     out = py::array_t<std::uint8_t>({picture->height, picture->width}, picture->gray.data());
   });
+  return out;
+}
+
+py::array_t<double> PlacesOf(const Simulation& simulation, const Rows& points_mm, int plane) {
+  const std::vector<torquer::PicturePlace> places =
+      simulation.PlacesInPicture(ToPoints(points_mm, "points_mm"), plane);
+  py::array_t<double> out({static_cast<py::ssize_t>(places.size()), py::ssize_t{2}});
+  auto rows = out.mutable_unchecked<2>();
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    rows(static_cast<py::ssize_t>(k), 0) = places[k].column;
+    rows(static_cast<py::ssize_t>(k), 1) = places[k].row;
+  }
   return out;
 }
 
@@ -154,7 +166,10 @@ void AddSimulation(py::module_& module) {
   py::class_<Imaging>(module, "Imaging", "Settings of the X-ray system.")
       .def(py::init([](const std::string& mode, double pulses_per_s, double magnification,
                        double left, double right, double top, double bottom) {
-             return Imaging{ModeOf(mode), pulses_per_s, magnification, left, right, top, bottom};
+             const Imaging made{ModeOf(mode), pulses_per_s, magnification, left,
+                                right,        top,          bottom};
+             torquer::CheckImaging(made);
+             return made;
            }),
            py::arg("mode") = kModes[0], py::kw_only(), py::arg("pulses_per_s") = 0.0,
            py::arg("magnification") = 1.0, py::arg("left") = 0.0, py::arg("right") = 0.0,
@@ -317,9 +332,13 @@ void AddSimulation(py::module_& module) {
           py::arg("instrument"),
           "The same along the curve of an instrument up to its tip, by the node of "
           "instrument_nodes_mm.")
-      .def("forces", &ForcesOf,
-           "Forces along the wire, one entry per node of nodes_mm; empty without "
-           "[effects.internal_forces].")
+      .def(
+          "forces", &ForcesOf,
+          "Forces along the wire, one entry per node of nodes_mm. Needs [effects.internal_forces].")
+      .def("places_in_picture", &PlacesOf, py::arg("points_mm"), py::arg("plane") = 0,
+           "Columns and rows of points, shape (n, 3), in a picture of a plane that is taken now, "
+           "at the angles and the magnification of the last step; shape (n, 2). Pixel (0, 0) is "
+           "centered at 0, 0, top left. nan for a point that is not in front of the X-ray source.")
       .def("picture_due", &Simulation::picture_due, py::arg("plane") = 0,
            "True if a picture was taken that picture() has not returned yet.")
       .def("picture", &PictureOf, py::arg("plane") = 0,
@@ -339,5 +358,8 @@ PYBIND11_MODULE(_torquer, module) {
   torquer::python::AddScene(module);
   torquer::python::AddSurface(module);
   AddSimulation(module);
+  py::tuple modes(std::size(kModes));
+  for (std::size_t k = 0; k < std::size(kModes); ++k) modes[k] = kModes[k];
+  module.attr("Imaging").attr("MODES") = modes;
   torquer::python::AddNavigation(module);
 }

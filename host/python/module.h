@@ -86,6 +86,9 @@ void RequireColumns(const Rows& rows, const char* name, int columns);
 /// Points as an array of the shape (n, 3).
 pybind11::array_t<double> ToRows(const std::vector<Point>& points);
 
+/// Points of an array; throws as RequireColumns.
+std::vector<Point> ToPoints(const Rows& rows, const char* name);
+
 /// A path from Python: text, or an object like pathlib.Path. Others are a TypeError.
 std::string PathText(const pybind11::object& path);
 

@@ -46,7 +46,12 @@ enum class Fact {
   kRemaining_mm,
   kTime_s,
 };
-inline constexpr std::size_t kFacts = 9;
+/// Names of the facts, in their order.
+inline constexpr std::array kFactNames = {"reward",  "terminated",   "truncated",
+                                          "success", "safe_success", "wall_force_mN",
+                                          "path_mm", "remaining_mm", "time_s"};
+inline constexpr std::size_t kFacts = kFactNames.size();
+static_assert(kFacts == static_cast<std::size_t>(Fact::kTime_s) + 1);
 
 /// Memory of an environment, beside its simulation.
 struct NavigationMemory {

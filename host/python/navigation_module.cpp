@@ -25,17 +25,9 @@ py::array_t<float> VectorOf(const Navigation& navigation) {
   return out;
 }
 
-std::vector<Point> ToPoints(const Rows& rows) {
-  RequireColumns(rows, "route", 3);
-  std::vector<Point> points;
-  for (py::ssize_t k = 0; k < rows.shape(0); ++k) {
-    points.push_back({rows.at(k, 0), rows.at(k, 1), rows.at(k, 2)});
-  }
-  return points;
-}
-
 NavigationStart ToStart(double rotation_rad, const std::optional<Rows>& route) {
-  return {.rotation_rad = rotation_rad, .route = route ? ToPoints(*route) : std::vector<Point>()};
+  return {.rotation_rad = rotation_rad,
+          .route = route ? ToPoints(*route, "route") : std::vector<Point>()};
 }
 
 py::tuple ToTuple(const NavigationState& state) {
@@ -54,7 +46,7 @@ bool ToBool(const py::handle value) {
 NavigationState ToState(const py::tuple& saved) {
   try {
     return {.simulation = saved[0].cast<std::string>(),
-            .memory = {.route = ToPoints(saved[1].cast<Rows>()),
+            .memory = {.route = ToPoints(saved[1].cast<Rows>(), "route"),
                        .tip = saved[2].cast<Point>(),
                        .nearest = saved[3].cast<std::size_t>(),
                        .begun = ToBool(saved[4]),
@@ -107,6 +99,9 @@ void RequireValues(py::ssize_t given, std::size_t wanted, const char* what) {
 }  // namespace
 
 void AddNavigation(py::module_& module) {
+  py::tuple names(kFacts);
+  for (std::size_t k = 0; k < kFacts; ++k) names[k] = kFactNames[k];
+  module.attr("FACTS") = names;
   py::class_<NavigationTask>(module, "NavigationTask",
                              "Task of an environment, with the values of torquer.envs.Task.")
       .def(py::init([](std::size_t instrument, double within_mm, double step_s, double longest_mm,
@@ -120,7 +115,7 @@ void AddNavigation(py::module_& module) {
                                    .force_limit_mN = force_limit_mN,
                                    .max_steps = max_steps,
                                    .pictures = pictures,
-                                   .route = ToPoints(route)};
+                                   .route = ToPoints(route, "route")};
            }),
            py::arg("instrument"), py::arg("within_mm"), py::arg("step_s"), py::arg("longest_mm"),
            py::arg("largest_turn_rad"), py::arg("force_limit_mN"), py::arg("max_steps"),

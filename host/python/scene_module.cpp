@@ -163,6 +163,8 @@ void AddScene(py::module_& module) {
       .def("keep_field", &Scene::KeepField, NoGil(),
            "Stores the built parts of the vessel's field for later programs now, instead of when "
            "the scene is deleted. Returns the reason if that fails, otherwise an empty text.")
+      .def("surface", &Scene::surface,
+           "Surface of the lumen at rest. An error for a vessel that does not come from a surface.")
       .def("clearance_mm", &Clearances, py::arg("points_mm"),
            "Distances of points, shape (n, 3), from the wall, positive in the lumen; shape (n,).")
       .def(

@@ -36,6 +36,22 @@ Surface SurfaceFrom(const Rows& points, const Triangles& triangles, const std::s
 }  // namespace
 
 void AddSurface(py::module_& module) {
+  py::class_<SurfaceCheck>(module, "SurfaceCheck", "Result of check_mesh.")
+      .def("__repr__",
+           [](const py::object& self) { return Represent(self, "SurfaceCheck", {"is_usable"}); })
+      .def("__str__", [](const SurfaceCheck& self) { return self.text; })
+      .def_readonly("is_usable", &SurfaceCheck::is_usable, "True if a scene can have the surface.")
+      .def_readonly("text", &SurfaceCheck::text, "Findings for a person, line by line.")
+      .def_readonly("proposal", &SurfaceCheck::proposal,
+                    "Tables [vessel] and [entry] of a scene; empty if it is not usable.");
+  module.def(
+      "check_mesh",
+      [](const py::object& path) {
+        const std::string text = PathText(path);
+        const py::gil_scoped_release free;
+        return CheckSurface(text);
+      },
+      py::arg("path"), "Checks a surface file, as torquer-simulator --check-mesh does.");
   py::class_<Surface>(module, "Surface", "Repaired, closed surface of a lumen.")
       .def(py::init([](const py::object& path, const std::string& mesh_unit) {
              const std::string text = PathText(path);

@@ -66,8 +66,10 @@ Shown Show(Simulation& simulation) {
     shown.names.push_back(reading.name);
     shown.readings.push_back(std::bit_cast<std::uint64_t>(reading.value));
   }
-  for (const torquer::Point& force : simulation.forces().contact_mN) {
-    shown.numbers.insert(shown.numbers.end(), force.begin(), force.end());
+  if (HasEffect(simulation.scene(), "internal_forces")) {
+    for (const torquer::Point& force : simulation.forces().contact_mN) {
+      shown.numbers.insert(shown.numbers.end(), force.begin(), force.end());
+    }
   }
   if (HasEffect(simulation.scene(), "fluoroscopy")) shown.gray = simulation.LastPicture().gray;
   return shown;
@@ -394,6 +396,9 @@ TEST_CASE("Unusable values are refused and change nothing", "[api]") {
   }
   Simulation simulation(scene);
   CHECK_THROWS_WITH(simulation.LastPicture(), Contains("[effects.fluoroscopy]"));
+  CHECK_THROWS_WITH(simulation.PlacesInPicture({}), Contains("[effects.fluoroscopy]"));
+  CHECK_THROWS_WITH(simulation.forces(), Contains("[effects.internal_forces]"));
+  CHECK_THROWS_WITH(scene.surface(), Contains("ty_phantom") && Contains("kind = \"surface\""));
   const Shown before = Show(simulation);
   const auto refuse = [&](const std::function<void(Command&)>& spoil, const std::string& said) {
     Command command = simulation.command();
@@ -409,6 +414,8 @@ TEST_CASE("Unusable values are refused and change nothing", "[api]") {
   refuse([](Command& c) { c.hands.clear(); }, "hands has 0 entries");
   refuse([](Command& c) { c.hands.emplace_back(); }, "hands has 2 entries");
   refuse([&](Command& c) { c.hands[0].insertion_mm = nan; }, "guidewire");
+  refuse([](Command& c) { c.hands[0].insertion_mm = -3; },
+         "the hand of guidewire is at -3 mm; give 0 or more");
   refuse([](Command& c) { c.hands[0].rotation_rad = 1e6; }, "within 1e5");
   refuse([&](Command& c) { c.lao_deg = nan; }, "C-arm");
   refuse([](Command& c) { c.cra_deg = 181; }, "181");

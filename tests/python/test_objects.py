@@ -1,6 +1,7 @@
 """Scenes, simulations and reports as Python objects: how they are made, copied and shown."""
 
 import copy
+import pathlib
 import pickle
 import tomllib
 
@@ -78,3 +79,60 @@ def test_a_scene_with_values_of_python(phantom):
         phantom.with_values({7: 1})
     with pytest.raises(torquer.Error, match=r"mine\.toml:4: vessel.kind"):
         torquer.Scene.from_text('name = "x"\n\n[vessel]\nkind = "sponge"\n', path="mine.toml")
+
+
+def test_missing_values_and_impossible_positions_are_errors(phantom):
+    simulation = torquer.Simulation(phantom)
+    with pytest.raises(torquer.Error, match=r"ty_phantom: has no forces along the wire; add \[effects.internal_forces\]"):
+        simulation.forces()
+    with pytest.raises(torquer.Error, match="ty_phantom.toml: vessel.kind = \"ty_phantom\": has no surface"):
+        phantom.surface()
+    with pytest.raises(torquer.Error, match="the hand of guidewire is at -3 mm; give 0 or more"):
+        simulation.step(0.1, [[-3.0, 0.0]])
+    simulation.step(0.1, [[-1e-12, 0.0]])  # rounding
+    for bad in ({"magnification": 5}, {"pulses_per_s": 0.5}, {"left": 0.6}):
+        with pytest.raises(torquer.Error, match=f"imaging has .*{next(iter(bad))}"):
+            torquer.Imaging(**bad)
+    assert [torquer.Imaging(mode).mode for mode in torquer.Imaging.MODES] == list(torquer.Imaging.MODES)
+
+
+def test_a_surface_is_that_of_the_vessel(tmp_path):
+    scene = torquer.Scene("neuro_arch")
+    surface = scene.surface()
+    low, high = scene.bounds_mm
+    assert np.allclose(surface.points_mm.min(axis=0), low) and np.allclose(surface.points_mm.max(axis=0), high)
+    corners = surface.points_mm[surface.triangles]
+    assert surface.findings == scene.findings and len(corners) > 1000
+    # Counterclockwise from outside: a step against the normal leads into the lumen.
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    inside = scene.clearance_mm(corners.mean(axis=1)[::500] - 0.2 * normals[::500])
+    assert (inside > 0).mean() > 0.95
+    file = pathlib.Path(torquer.scene_path("neuro_arch")).parent / tomllib.loads(scene.text)["vessel"]["file"]
+    check = torquer.check_mesh(file)
+    assert check.is_usable and "triangles" in str(check) and "[vessel]" in check.proposal
+    (tmp_path / "bad.obj").write_text("v 0 0 0\n")
+    assert not torquer.check_mesh(tmp_path / "bad.obj").is_usable
+    with pytest.raises(torquer.Error, match="none.obj"):
+        torquer.check_mesh(tmp_path / "none.obj")
+
+
+def test_points_are_where_the_picture_shows_them():
+    scene = torquer.Scene("everything").with_values({"effects.fluoroscopy.photons": 1e6, "effects.heartbeat": False})
+    simulation = torquer.Simulation(scene)
+    for time_s, lao_deg, magnification in ((0.1, 0, 1), (0.2, 30, 2)):
+        imaging = torquer.Imaging("plain", magnification=magnification)
+        simulation.step(time_s, simulation.hands, lao_deg=lao_deg, xray=True, imaging=imaging)
+        for plane in range(2):
+            picture = simulation.picture(plane).astype(float)
+            places = simulation.places_in_picture(simulation.instrument_nodes_mm(0), plane)
+            height, width = picture.shape
+            seen = [(round(row), round(column)) for column, row in places if 8 <= row < height - 8 and 8 <= column < width - 8]
+            assert len(seen) > 5
+            # The wire is darker than its surroundings.
+            there = [picture[row, column] for row, column in seen]
+            around = [picture[row - 8 : row + 9, column - 8 : column + 9].mean() for row, column in seen]
+            assert np.mean(np.less(there, around)) > 0.8
+    assert np.isnan(simulation.places_in_picture([[0, 0, 1e6], [0, 1e6, 0], [1e6, 0, 0], [0, 0, -1e6], [0, -1e6, 0], [-1e6, 0, 0]])).any()
+    with pytest.raises(torquer.Error, match="plane 2 does not exist; give 0 to 1"):
+        simulation.places_in_picture([[0, 0, 0]], 2)

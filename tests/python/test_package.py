@@ -171,7 +171,7 @@ def test_pictures_and_forces():
         assert forces["tension_mN"].shape == (len(simulation.nodes_mm),)
         assert forces["contact_mN"].shape == simulation.nodes_mm.shape
     else:
-        assert forces == {}
+        assert False, "the scene has internal forces"
 
 
 @pytest.fixture(scope="module")
@@ -367,7 +367,7 @@ def test_random_calls_of_threads_are_carried_out_or_refused(phantom):
                     random.choice([simulation.restart, lambda: simulation.restore(saved)])()
                 else:
                     read = getattr(simulation, random.choice(readers))
-                    if callable(read) and read.__name__ not in ("step", "restart", "restore"):
+                    if callable(read) and read.__name__ not in ("step", "restart", "restore", "places_in_picture"):
                         read(0) if read.__name__.startswith("instrument_") else read()
             except torquer.Error:
                 pass

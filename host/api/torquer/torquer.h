@@ -90,6 +90,15 @@ struct TORQUER_API Surface {
                                const std::string& name, const std::string& mesh_unit);
 };
 
+/// Result of CheckSurface.
+struct SurfaceCheck {
+  bool is_usable = false;  ///< a scene can have the surface
+  std::string text;        ///< findings for a person, line by line
+  std::string proposal;    ///< tables [vessel] and [entry] of a scene; "" if it is not usable
+};
+/// Checks a surface file as torquer-simulator --check-mesh does. Throws Error if it cannot be read.
+TORQUER_API SurfaceCheck CheckSurface(const std::string& path);
+
 /// Value for a key of a scene: true or false, a number, a text, or a list. std::monostate removes
 /// the key, so that its default is valid.
 using Value = std::variant<std::monostate, bool, std::int64_t, double, std::string,
@@ -143,6 +152,8 @@ class TORQUER_API Scene {
   /// Distance from the wall, mm: positive in the lumen, negative outside. It is exact within about
   /// 3 mm of the wall, and a lower bound farther inside.
   double ClearanceMm(const Point& point_mm) const;
+  /// Surface of the lumen at rest. Throws Error if the scene's vessel does not come from a surface.
+  Surface surface() const;
   /// Names of the centerlines; empty if the scene has no file of them.
   std::vector<std::string> centerlines() const;
   /// Points along a centerline, `step_mm` (> 0) apart, with its end; a million at most.
@@ -178,10 +189,13 @@ struct Imaging {
   double bottom = 0;
 };
 
+/// Throws Error for settings that a step refuses.
+TORQUER_API void CheckImaging(const Imaging& imaging);
+
 /// Command of the hands and feet for a time.
 struct Command {
   double time_s = 0;        ///< since the start; ascending, the first one >= 0
-  std::vector<Hand> hands;  ///< one for each instrument; |each| <= 1e5
+  std::vector<Hand> hands;  ///< one for each instrument; |each| <= 1e5, insertions >= 0
   double lao_deg = 0;       ///< C-arm angle, positive to the patient's left; -180 .. 180
   double cra_deg = 0;       ///< C-arm angle, positive towards the head; -180 .. 180
   bool xray = false;
@@ -226,6 +240,13 @@ struct Forces {
   std::vector<double> tension_mN;       ///< negative: compression
   std::vector<double> bending_mN_mm;    ///< moment
   std::vector<double> twisting_mN_mm;   ///< moment
+};
+
+/// Place in a picture: pixel (0, 0) is centered at column 0, row 0, top left. NaN for a point that
+/// is not in front of the X-ray source.
+struct PicturePlace {
+  double column = 0;
+  double row = 0;
 };
 
 /// An X-ray picture.
@@ -311,12 +332,16 @@ class TORQUER_API Simulation {
   std::vector<Reading> readings() const;
   /// Record of the session as JSON, with the readings, as torquer-simulator --record writes it.
   std::string Record() const;
-  /// Forces along the curve of nodes_mm(); empty without [effects.internal_forces].
+  /// Forces along the curve of nodes_mm(). Throws Error without [effects.internal_forces].
   Forces forces() const;
   int picture_planes() const;  ///< 0 without [effects.fluoroscopy], 2 with [effects.lateral_plane]
   /// True if a plane has a new picture that LastPicture has not returned yet. A step may take
   /// several, and LastPicture returns the last one: see `after_tick`.
   bool picture_due(int plane = 0) const;
+  /// Places of points in a picture of a plane that is taken now: at the angles and the
+  /// magnification of command(). Needs [effects.fluoroscopy].
+  std::vector<PicturePlace> PlacesInPicture(const std::vector<Point>& points_mm,
+                                            int plane = 0) const;
   /// Renders and returns the last X-ray picture of a plane. Needs [effects.fluoroscopy].
   const Picture& LastPicture(int plane = 0);
 

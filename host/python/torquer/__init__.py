@@ -24,8 +24,10 @@ from ._torquer import (
     Simulation,
     StepReport,
     Surface,
+    SurfaceCheck,
     __build__,
     __version__,
+    check_mesh,
 )
 from .states import States, read_states
 
@@ -38,8 +40,10 @@ __all__ = [
     "States",
     "StepReport",
     "Surface",
+    "SurfaceCheck",
     "__build__",
     "__version__",
+    "check_mesh",
     "read_states",
     "scene_names",
     "scene_path",

@@ -85,6 +85,8 @@ def run(case: Case) -> Result:
         for index, instrument, what in columns:
             # As in a script: lengths are measured from the instrument's start, angles are absolute.
             hands[instrument, what] = row[index] + (start[instrument, 0] if what == 0 else 0)
+        if case.is_generated:
+            hands[:, 0] = np.maximum(hands[:, 0], 0)
         flags: Dict[str, Any] = {
             name: row[index] if name.endswith("_deg") else row[index] != 0 for index, name in controls
         }

@@ -43,6 +43,7 @@ class Case:
     columns: Tuple[str, ...]  # of the rows
     rows: Tuple[Tuple[float, ...], ...]
     shapes: str
+    is_generated: bool  # by speeds: a hand that is pulled back stays at the entry
     labels: Dict[str, Any]  # scene, motion, seed, and the value of each axis and random key
 
 
@@ -373,7 +374,7 @@ def cases(study: Study) -> Iterable[Case]:
                     inputs = json.dumps([__build__, scene.text, files, moves_hash, study.shapes])
                     labels = {"scene": file.stem, "motion": name, "seed": seed, **chosen}
                     key = hashlib.sha256(inputs.encode()).hexdigest()
-                    yield Case(key, text, folder, scene_file, chosen, named, files, columns, moves, study.shapes, labels)
+                    yield Case(key, text, folder, scene_file, chosen, named, files, columns, moves, study.shapes, "script" not in motion, labels)
 
 
 def need(module: str, package: str) -> Any:

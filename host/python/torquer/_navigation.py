@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from . import Error, Scene, Simulation
 from ._spaces import Box, DictSpace
-from ._torquer import Navigation, NavigationTask
+from ._torquer import FACTS, Navigation, NavigationTask
 
 
 Target = Tuple[str, float]
@@ -263,12 +263,14 @@ def rewarded(moment: Moment, reward: Optional[Reward], end: Optional[End]) -> Tu
     return given, end is not None and bool(end(moment))
 
 
-INFO = ("success", "safe_success", "wall_force_mN", "path_mm", "remaining_mm", "time_s")
+# Facts of a step that its info has; those before are the values that step() returns.
+FIRST_OF_INFO = FACTS.index("success")
+INFO = FACTS[FIRST_OF_INFO:]
 
 
 def info_of(facts: Sequence[float], target: Target) -> Dict[str, Any]:
     """`info` of one environment."""
-    info: Dict[str, Any] = dict(zip(INFO, facts[3:]))
+    info: Dict[str, Any] = dict(zip(INFO, facts[FIRST_OF_INFO:]))
     info["success"] = facts[3] != 0
     info["safe_success"] = None if math.isnan(facts[4]) else facts[4] != 0
     info["target"], info["target_at_mm"] = target

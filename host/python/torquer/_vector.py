@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from . import Error, Scene, scene_path
 from ._navigation import (
+    FIRST_OF_INFO,
     INFO,
     TASKS,
     End,
@@ -29,7 +30,7 @@ from ._navigation import (
     whole,
 )
 from ._spaces import Box, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium
-from ._torquer import NavigationPool
+from ._torquer import FACTS, NavigationPool
 
 Array = npt.NDArray[Any]
 
@@ -103,7 +104,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         if modes is not None:
             self.metadata = {**self.metadata, "autoreset_mode": modes.NEXT_STEP}
         self._observations = {part: np.zeros(space.shape, space.dtype) for part, space in spaces.items()}
-        self._facts = np.zeros((3 + len(INFO), count))
+        self._facts = np.zeros((len(FACTS), count))
         self._begun = False  # True after the first reset
         self._ended = np.zeros(count, bool)
         self._resets = np.ones(count, bool)  # True: the present results are those of a reset
@@ -248,7 +249,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         facts = self._facts[:, ids]
         everything = len(ids) == self.num_envs and not self.copy
         taken = {part: values if everything else values[ids] for part, values in self._observations.items()}
-        info: Dict[str, Any] = dict(zip(INFO, facts[3:]))
+        info: Dict[str, Any] = dict(zip(INFO, facts[FIRST_OF_INFO:]))
         info["success"] = facts[3] != 0
         info["safe_success"] = facts[4] == 1
         # Gymnasium's mask: False where the value is not known.

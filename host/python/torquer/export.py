@@ -60,10 +60,10 @@ class State:
     @staticmethod
     def of(simulation: Simulation) -> State:
         """Copies the present state of a simulation."""
-        forces = dict(simulation.forces())
+        scene = simulation.scene
+        forces = simulation.forces() if "internal_forces" in scene.effects else {}
         if "contact_mN" in forces:
             forces["contact_force_mN"] = forces.pop("contact_mN")
-        scene = simulation.scene
         several = "clearance" in scene.effects or any(one.is_beside for one in scene.instruments)
         names = [one.name for one in scene.instruments] if several else []
         nodes = {name: simulation.instrument_nodes_mm(k) for k, name in enumerate(names)}

@@ -148,7 +148,9 @@ std::vector<StateField> AllFields(const Simulation& simulation) {
   for (std::size_t k = 0; k < readings.size(); ++k) {
     list.Add(readings[k].name, [k](Row row) { return row.readings()[k].value; });
   }
-  if (!simulation.forces().contact_mN.empty()) AddForces(list);
+  if (std::find(effects.begin(), effects.end(), "internal_forces") != effects.end()) {
+    AddForces(list);
+  }
   std::sort(list.fields().begin(), list.fields().end(),
             [](const StateField& a, const StateField& b) { return a.name < b.name; });
   return std::move(list.fields());

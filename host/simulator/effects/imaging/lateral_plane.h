@@ -27,6 +27,10 @@ class LateralPlane final : public Effect, public ImageSource, public Observer {
   bool Take(const TickView& tick) override;
   bool Render(Picture& out) override { return plane_->Render(out); }
 
+  const Fluoroscopy& plane() const { return *plane_; }
+  double lao_rad() const { return lao_rad_; }
+  double cra_rad() const { return cra_rad_; }
+
  private:
   Controls From(const Controls& first) const;
 
