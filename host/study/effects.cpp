@@ -94,6 +94,7 @@ const std::map<std::string, std::string>& Tables() {
       {"torsion", "[effects.torsion]\n"},
       {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
       {"clearance", "[effects.clearance]\n"},
+      {"self_contact", "[effects.self_contact]\n"},
       {"friction_between", "[effects.friction_between]\ncoefficient = 0.1\n"},
       {"compliance", R"([effects.compliance]
 [[effects.compliance.region]]

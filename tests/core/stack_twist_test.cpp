@@ -80,7 +80,7 @@ TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
       HessianOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
                 Eigen::VectorXd::Zero(stack.unknowns()), 3e-3);
   const Eigen::VectorXd unit = UnitWeight(stack.model, stack.state);
-  FrontSweep sweep({&stack.model});
+  FrontSweep sweep({&stack.model}, {});
   CheckSweepIsDense(sweep, stack.model, stack.state, stack.at, hessian, unit, weight);
 }
 

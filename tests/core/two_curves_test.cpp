@@ -55,52 +55,7 @@ TEST_CASE("Gradient of several curves is that of finite differences") {
   CAPTURE(k, curves.PressedN());
   REQUIRE(curves.at.max_penetration_mm > 0.05);
   REQUIRE(curves.PressedN() > 0);
-  const Eigen::VectorXd gradient =
-      GradientOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
-                 Eigen::VectorXd::Zero(curves.unknowns()), 3e-5);
-  CHECK((gradient - curves.Gradient()).norm() < 1e-7 * gradient.norm());
-}
-
-// True if no contact is so close to its limit that finite differences cross the kink.
-bool FarFromKinks(const TwoCurves& curves) {
-  constexpr double kNear_mm = 2e-3;
-  bool far = true;
-  const auto check = [&far](const auto& springs) {
-    for (const auto& spring : springs) far = far && std::abs(spring.penetration_mm) > kNear_mm;
-  };
-  for (const BetweenCurves& between : curves.at.between) check(between.springs);
-  for (int c = 0; c < curves.stack.curves(); ++c) check(curves.at.curve(c).springs);
-  return far;
-}
-
-// Compares a step of the sweep with that of the dense Newton system.
-void CheckStep(TwoCurves& curves, double weight) {
-  CAPTURE(weight);
-  REQUIRE(curves.PressedN() > 0);
-  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
-                                      Eigen::VectorXd::Zero(curves.unknowns()), 2e-4);
-  const Eigen::VectorXd unit = curves.Unit();
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      hessian, Eigen::MatrixXd(unit.asDiagonal()));
-  const double lift = -eigen.eigenvalues()[0];
-  FrontSweep sweep = curves.Sweep();
-  CHECK_FALSE(sweep.Factor(curves.state, curves.at, lift - 1e-3));
-  CHECK(sweep.Factor(curves.state, curves.at, lift + 1e-3));
-
-  hessian.diagonal() += (lift + weight) * unit;
-  const Eigen::VectorXd dense = -hessian.llt().solve(curves.Gradient());
-  REQUIRE(sweep.Factor(curves.state, curves.at, lift + weight));
-  std::vector<CurveStep> steps(static_cast<std::size_t>(curves.stack.curves()));
-  const double predicted = sweep.Step(curves.state, curves.at, steps);
-  const Eigen::VectorXd swept = curves.All(steps);
-  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
-  CHECK(predicted == Approx(-curves.Gradient().dot(dense) / 2).epsilon(1e-5));
-  // A sweep resumed from the middle gives a bit-identical result.
-  const int middle = sweep.OperationOf(0, 2);
-  REQUIRE(middle > 0);
-  REQUIRE(sweep.Refactor(curves.state, curves.at, lift + weight, middle));
-  sweep.Step(curves.state, curves.at, steps);
-  CHECK(curves.All(steps) == swept);
+  CheckGradient(curves);
 }
 
 TEST_CASE("The sweep of several curves solves the dense Newton system") {
@@ -113,7 +68,7 @@ TEST_CASE("The sweep of several curves solves the dense Newton system") {
   if (Rooms()[k].beside != TwoCurves::Marks() && (ratio > 0) != (k % 2 == 0)) return;
   const double weight = ratio > 0 || k > 2 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
   unsigned seed = 11;
-  while (!FarFromKinks(TwoCurves(one.poses, 2, seed, ratio, one.rooms, one.beside))) ++seed;
+  while (!TwoCurves(one.poses, 2, seed, ratio, one.rooms, one.beside).IsFarFromKinks()) ++seed;
   TwoCurves curves(one.poses, 2, seed, ratio, one.rooms, one.beside);
   CAPTURE(k, ratio, seed);
   CheckStep(curves, weight);
@@ -125,9 +80,7 @@ struct Folded : TwoCurves {
     Eigen::VectorXd fold = Eigen::VectorXd::Zero(unknowns());
     fold[0] = 2;
     for (int turn = 0; turn < 2; ++turn) state = Stepped(fold);
-    mechanics.PairCurves(state);
-    Forget();
-    mechanics.BuildModel(state, at);
+    Build();
   }
 };
 
@@ -135,14 +88,11 @@ TEST_CASE("A wire folded back behind the sheath has its gradient and Newton step
   const double ratio = GENERATE(0.0, 0.7);
   if (kUnderSanitizer && ratio == 0) return;
   unsigned seed = 11;
-  while (!FarFromKinks(Folded(seed, ratio))) ++seed;
+  while (!Folded(seed, ratio).IsFarFromKinks()) ++seed;
   Folded curves(seed, ratio);
   CAPTURE(ratio, seed);
   REQUIRE(curves.state.curve(0).tangents()[0].dot(curves.sheath.direction) < -0.5);
-  const Eigen::VectorXd gradient =
-      GradientOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
-                 Eigen::VectorXd::Zero(curves.unknowns()), 3e-5);
-  CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
+  CheckGradient(curves, 1e-6);
   CheckStep(curves, 10);
 }
 

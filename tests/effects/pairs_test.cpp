@@ -35,6 +35,7 @@ const std::vector<Named>& All() {
   static const std::vector<Named> all = {
       {"torsion", "[effects.torsion]\n"},
       {"clearance", "[effects.clearance]\naround = [\"catheter\", \"sheath\"]\n", "", true},
+      {"self_contact", "[effects.self_contact]\n"},
       {"friction", "[effects.friction]\ncoefficient = 0.2\n"},
       {"friction_between", "[effects.friction_between]\ncoefficient = 0.1\n", "", true},
       {"compliance",

@@ -1,4 +1,5 @@
 // Instruments beside each other: contact, friction and balance against closed forms.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
@@ -131,6 +132,58 @@ TEST_CASE("A strong force drives no instrument through the one beside it in a st
       old = apart(i);
     }
   }
+}
+
+// Two wires in free space; the second one lies across the way of the first one, `above_mm` above
+// it.
+struct AcrossTheWay {
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall{.points_per_segment = 2};
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  static std::vector<WireModel> Both(double above_mm) {
+    const auto make = [](const Sheath& sheath) {
+      return WireModel(1, {{.rigidity_N_mm2 = 0.5, .radius_mm = kRadiusMm}}, 0, 120,
+                       BendingLaw::kExact, sheath);
+    };
+    const Vector3d across = Vector3d(0.4, 1, 0).normalized();
+    return {make({}),
+            make({.point_mm = Vector3d(20, 0, above_mm) - 15 * across, .direction = across})};
+  }
+  explicit AcrossTheWay(double above_mm)
+      : stack(Both(above_mm), {.is_beside = {false, true}, .stiffness_N_mm2 = 1}),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-6}, none)),
+        state(stack.rod(), 2) {
+    relaxation->Restart(state);
+  }
+};
+
+// Least distance of the axes of two curves.
+double ApartMm(const Curve& a, const Curve& b) {
+  double least_mm = 1e9;
+  for (std::size_t i = 0; i + 1 < a.nodes().size(); ++i) {
+    for (double along = 0; along <= 1; along += 0.1) {
+      const Vector3d at = (1 - along) * a.nodes()[i] + along * a.nodes()[i + 1];
+      for (std::size_t m = 0; m + 1 < b.nodes().size(); ++m) {
+        const Vector3d way = b.nodes()[m + 1] - b.nodes()[m];
+        const double on = std::clamp((at - b.nodes()[m]).dot(way) / way.squaredNorm(), 0.0, 1.0);
+        least_mm = std::min(least_mm, (at - b.nodes()[m] - on * way).norm());
+      }
+    }
+  }
+  return least_mm;
+}
+
+TEST_CASE("A long feed drives no instrument through one that lies across its way") {
+  const double above_mm = GENERATE(0.02, 0.05, 0.1, 0.2, 0.3, 0.39);
+  AcrossTheWay wires(above_mm);
+  REQUIRE(Settle(*wires.relaxation, {{10, 0}, {30, 0}}, wires.state, 400).converged);
+  REQUIRE(Settle(*wires.relaxation, {{60, 0}, {30, 0}}, wires.state, 2000).converged);
+  CAPTURE(above_mm);
+  CHECK(ApartMm(wires.state.curve(0), wires.state.curve(1)) > 2 * kRadiusMm - 0.02);
 }
 
 // An instrument slides on another one with the force mu N, and both hands feel it.

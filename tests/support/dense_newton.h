@@ -40,8 +40,8 @@ inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector
   return all;
 }
 
-/// Diagonal for a weight of one: the softer of a segment's two joints. `model` is a rod of
-/// instruments; `state` is its curve.
+/// Diagonal for a weight of one: the softer of a segment's two joints. `state` is the curve of
+/// `model`.
 inline Eigen::VectorXd UnitWeight(const WireModel& model, const Curve& state) {
   const Eigen::Index each = 2 + model.spins();
   const int n = state.segments();
@@ -49,6 +49,11 @@ inline Eigen::VectorXd UnitWeight(const WireModel& model, const Curve& state) {
   for (int i = 0; i < n; ++i) {
     unit.segment<2>(each * i).setConstant(
         std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1)));
+    if (model.twists()) {
+      unit[each * i + 2] = std::min(model.torsional_rigidity_N_mm2(n - i),
+                                    model.torsional_rigidity_N_mm2(n - i - 1));
+      continue;
+    }
     for (int k = 0; k < model.spins(); ++k) {
       const auto at = static_cast<std::size_t>(model.first_spin() + k);
       unit[each * i + 2 + k] =

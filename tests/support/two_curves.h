@@ -6,35 +6,27 @@
 #include <random>
 #include <vector>
 
-#include "host/simulator/core/newton/front_sweep.h"
 #include "host/simulator/core/newton/move_instruments.h"
 #include "host/simulator/core/stack/instrument_stack.h"
-#include "host/simulator/core/wire_mechanics.h"
 #include "tests/support/analytic_fields.h"
-#include "tests/support/dense_newton.h"
-#include "tests/support/finite_differences.h"
+#include "tests/support/dense_curves.h"
 #include "tests/support/twisted_stack.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
 
+// The vessel, constructed before the curves in it.
+struct TorusWall {
+  Torus field{Side::kInside, 20, 2};
+};
+
 // Two to four bent instruments within each other, shaken, in the wall of a torus. Their tips are at
 // any place within a segment. `rooms`: the instruments that have room in their lumens; `beside`:
 // the one that lies beside the earlier ones.
-struct TwoCurves {
+struct TwoCurves : TorusWall, DenseCurves {
   static constexpr double kSoftest = 6.35e-3;  // N mm^2
-  Sheath sheath{Vector3d(21.8, 0, 0), Vector3d::UnitY()};
-  InstrumentStack stack;
-  const WireModel& model = stack.rod();
-  Torus field{Side::kInside, 20, 2};
-  WallModel wall;
-  EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
-  std::vector<EnergyTerm*> terms{&force};  ///< more may be added before the first evaluation
-  WireState state{model, stack.size()};
-  WireMechanics mechanics;
-  QuadraticModel at;
-  // Model of a trial state. A new one for each energy takes most of the time of a dense Hessian.
-  QuadraticModel trial;
+  static Sheath Entry() { return {Vector3d(21.8, 0, 0), Vector3d::UnitY()}; }
+  Sheath sheath = Entry();
 
   using Marks = std::array<bool, kMostInstruments>;
   // Offset of the entry of an instrument that lies beside others, within a third one if that has
@@ -67,11 +59,9 @@ struct TwoCurves {
 
   TwoCurves(const InstrumentPoses& poses, int points_per_segment, unsigned seed, double ratio = 0,
             const Marks& rooms = {false, true, false, false}, const Marks& beside = {})
-      : stack(Instruments(sheath, ratio, poses.size(), rooms, beside), ClearanceOf(rooms, beside)),
-        wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
-        mechanics(stack, field, wall, terms),
-        at(mechanics.MakeQuadraticModel()),
-        trial(mechanics.MakeQuadraticModel()) {
+      : DenseCurves(Instruments(Entry(), ratio, poses.size(), rooms, beside),
+                    ClearanceOf(rooms, beside), field,
+                    {.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment}) {
     std::mt19937 random(seed);
     std::vector<Vector3d> arc;
     for (double a = 0.02; a < 1; a += 0.02) {
@@ -100,71 +90,7 @@ struct TwoCurves {
       }
     }
     state = Stepped(x);
-    mechanics.PairCurves(state);
-    mechanics.BuildModel(state, at);
-  }
-
-  // Number of unknowns of a curve: for each segment a step, and a spin of each instrument.
-  Eigen::Index Own(int curve) const {
-    return (2 + stack.rod(curve).spins()) * state.curve(curve).segments();
-  }
-  // First unknown of a curve.
-  Eigen::Index First(int curve) const {
-    Eigen::Index first = 0;
-    for (int c = 0; c < curve; ++c) first += Own(c);
-    return first;
-  }
-  Eigen::Index unknowns() const { return First(stack.curves()); }
-  // State after the unknowns x.
-  WireState Stepped(const Eigen::VectorXd& x) const {
-    WireState to = state;
-    for (int c = 0; c < stack.curves(); ++c) {
-      to.curve(c) =
-          StackStep(stack.rod(c), state.curve(c), Eigen::VectorXd(x.segment(First(c), Own(c))));
-    }
-    return to;
-  }
-  void Forget() {
-    for (int c = 0; c < stack.curves(); ++c) mechanics.points(c).Forget();
-  }
-  double Energy(const Eigen::VectorXd& x) {
-    Forget();
-    mechanics.BuildGradient(Stepped(x), trial);
-    return trial.energy_mJ;
-  }
-  Eigen::VectorXd Gradient() const {
-    Eigen::VectorXd gradient(unknowns());
-    for (int c = 0; c < stack.curves(); ++c) {
-      gradient.segment(First(c), Own(c)) = DenseGradient(stack.rod(c), state.curve(c), at.curve(c));
-    }
-    return gradient;
-  }
-  // Diagonal for a weight of one.
-  Eigen::VectorXd Unit() const {
-    Eigen::VectorXd unit(unknowns());
-    for (int c = 0; c < stack.curves(); ++c) {
-      unit.segment(First(c), Own(c)) = UnitWeight(stack.rod(c), state.curve(c));
-    }
-    return unit;
-  }
-  FrontSweep Sweep() const {
-    std::vector<const WireModel*> rods;
-    for (int c = 0; c < stack.curves(); ++c) rods.push_back(&stack.rod(c));
-    return FrontSweep(rods);
-  }
-  // Unknowns of the steps of all curves.
-  Eigen::VectorXd All(const std::vector<CurveStep>& steps) const {
-    Eigen::VectorXd all(unknowns());
-    for (int c = 0; c < stack.curves(); ++c) {
-      const CurveStep& step = steps[static_cast<std::size_t>(c)];
-      all.segment(First(c), Own(c)) = Unknowns(stack.rod(c), step.xi, step.spin);
-    }
-    return all;
-  }
-  double PressedN() const {
-    double sum = 0;
-    for (const BetweenCurves& between : at.between) sum += between.pressed_N;
-    return sum;
+    Build();
   }
 };
 

@@ -196,13 +196,38 @@ void FindMoments(const WireModel& model, const WireState& state, const Quadratic
     if (i > 0) continue;
     const Vector3d& after = curve.tangents().front();
     out.clamp_moment_mJ = -moment;
-    if (twists) {
-      out.clamp_moment_mJ -= torque / (1 + before.dot(after)) * (before + after);
-    } else {
-      out.clamp_moment_mJ -= (torque - own) * before;
-    }
+    // A torque acts about the mean of both tangents. The joint's own part is in its moment.
+    const double carried = twists ? torque : torque - own;
+    out.clamp_moment_mJ -= carried / (1 + before.dot(after)) * (before + after);
   }
   if (twists) out.twisting_mJ[static_cast<std::size_t>(n)] = out.twisting_mJ.end()[-2];
+}
+
+// Adds the contact forces of two curves on one of them.
+void AddBetween(const WireState& state, const BetweenCurves& between, bool inner, CurveLoads& out) {
+  const Eigen::Index first = inner ? 0 : 5;
+  const std::vector<Vector3d>& inward = state.curve(between.inner).tangents();
+  const auto add = [&](const auto& place, const Vector3d& force_N, bool presses) {
+    const SegmentPair& on = between.groups[static_cast<std::size_t>(place.group)];
+    const bool unfelt = presses && between.at_mouth;
+    out.in_lumen.push_back(
+        {.segment = inner ? on.inner : on.outer,
+         .past_mm = inner ? place.past_mm : place.foot_mm,
+         .in_own_lumen = !inner && !between.beside,
+         .force_N = force_N,
+         .unfelt_N = unfelt ? force_N.dot(inward[static_cast<std::size_t>(on.inner)]) : 0});
+  };
+  for (const BetweenCurves::Spring& spring : between.springs) {
+    if (!(spring.penetration_mm > 0)) continue;
+    add(spring, -spring.stiffness_N_mm * spring.penetration_mm * spring.approach.segment<3>(first),
+        true);
+  }
+  for (const BetweenCurves::Slide& slide : between.slides) {
+    add(slide,
+        -slide.load.gradient[0] * slide.along.segment<3>(first) -
+            slide.load.gradient[1] * slide.around.segment<3>(first),
+        false);
+  }
 }
 
 }  // namespace
@@ -225,31 +250,9 @@ void FindCurveLoads(const WireState& state, const QuadraticModel& quadratic, int
   }
   out.in_lumen.clear();
   for (const BetweenCurves& between : quadratic.between) {
-    if (between.inner != curve && between.outer != curve) continue;
-    const bool inner = between.inner == curve;
-    const Eigen::Index first = inner ? 0 : 5;
-    const std::vector<Vector3d>& inward = state.curve(between.inner).tangents();
-    const auto add = [&](const auto& place, const Vector3d& force_N, bool presses) {
-      const SegmentPair& on = between.groups[static_cast<std::size_t>(place.group)];
-      const bool unfelt = presses && between.at_mouth;
-      out.in_lumen.push_back(
-          {.segment = inner ? on.inner : on.outer,
-           .past_mm = inner ? place.past_mm : place.foot_mm,
-           .in_own_lumen = !inner && !between.beside,
-           .force_N = force_N,
-           .unfelt_N = unfelt ? force_N.dot(inward[static_cast<std::size_t>(on.inner)]) : 0});
-    };
-    for (const BetweenCurves::Spring& spring : between.springs) {
-      if (!(spring.penetration_mm > 0)) continue;
-      add(spring,
-          -spring.stiffness_N_mm * spring.penetration_mm * spring.approach.segment<3>(first), true);
-    }
-    for (const BetweenCurves::Slide& slide : between.slides) {
-      add(slide,
-          -slide.load.gradient[0] * slide.along.segment<3>(first) -
-              slide.load.gradient[1] * slide.around.segment<3>(first),
-          false);
-    }
+    // A curve that touches itself is both.
+    if (between.inner == curve) AddBetween(state, between, true, out);
+    if (between.outer == curve) AddBetween(state, between, false, out);
   }
 }
 

@@ -16,7 +16,7 @@ WireMechanics::WireMechanics(const InstrumentStack& stack, const ClearanceField&
     : wall_(wall), terms_(terms) {
   for (int c = 0; c < stack.curves(); ++c)
     curves_.emplace_back(stack.rod(c), field, wall, &stack, c);
-  if (stack.curves() == 1) return;
+  if (stack.curves() == 1 && !stack.clearance().touches_itself) return;
   stack_ = &stack;
   pairs_.emplace(stack, wall.points_per_segment);
   trial_pairs_.emplace(stack, wall.points_per_segment);
@@ -53,6 +53,12 @@ bool WireMechanics::SlidesInLumen() const {
     const BetweenTerm* between = term->between_term();
     return between != nullptr && between->SlidesInLumen();
   });
+}
+
+bool WireMechanics::has_beside() const {
+  if (!pairs_) return false;
+  const std::vector<LumenPairs>& all = pairs_->of_curves();
+  return std::any_of(all.begin(), all.end(), [](const LumenPairs& pairs) { return pairs.beside; });
 }
 
 void WireMechanics::PairCurves(const WireState& state) {
@@ -92,9 +98,9 @@ void WireMechanics::BuildBetween(const WireState& state, QuadraticModel& out) co
     PointSet& points = out.curve(pairs.inner).points;
     out.between[k].Place(pairs, stack_->clearance().stiffness_N_mm2,
                          GeometryOf(pairs.inner, state, out), GeometryOf(pairs.outer, state, out),
-                         !slides        ? nullptr
-                         : pairs.beside ? &points.between.beside
-                                        : &points.between.lumen);
+                         !slides || !pairs.ordered ? nullptr
+                         : pairs.beside            ? &points.between.beside
+                                                   : &points.between.lumen);
     out.energy_mJ += out.between[k].energy_mJ;
   }
 }
@@ -104,6 +110,7 @@ void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) c
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     BetweenCurves& between = out.between[k];
     const LumenPairs& pairs = pairs_->of_curves()[k];
+    if (!pairs.ordered) continue;
     CurveQuadraticModel& inner = out.curve(pairs.inner);
     CurveQuadraticModel& outer = out.curve(pairs.outer);
     between.TakeSlides(pairs, GeometryOf(pairs.inner, state, out),

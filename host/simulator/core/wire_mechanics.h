@@ -49,7 +49,7 @@ class WireMechanics {
   QuadraticModel MakeQuadraticModel() const;
 
   /// Pairs the places of curves in lumens with the curves around them. Call it after a move, and
-  /// when a part of the motion begins. Does nothing for one curve.
+  /// when a part of the motion begins. Does nothing without pairs.
   void PairCurves(const WireState& state);
   /// Exchanges the pairs with a second set, for a trial that shall not change them.
   void ExchangePairs() { std::swap(pairs_, trial_pairs_); }
@@ -74,6 +74,10 @@ class WireMechanics {
   void BuildGradient(const WireState& state, QuadraticModel& out);
 
   int curves() const { return static_cast<int>(curves_.size()); }
+  /// True if curves are in contact with each other, or one with itself.
+  bool has_pairs() const { return pairs_.has_value(); }
+  /// True if some of them lie beside each other, and could pass through each other.
+  bool has_beside() const;
   /// The contact points of a curve; see ContactPoints for the calls needed after a move.
   ContactPoints& points(int curve = 0) { return curves_[static_cast<std::size_t>(curve)].points(); }
   const ContactPoints& points(int curve = 0) const {
@@ -107,8 +111,8 @@ class WireMechanics {
   const WallModel& wall_;
   const std::vector<EnergyTerm*>& terms_;
   std::vector<CurveMechanics> curves_;
-  const InstrumentStack* stack_ = nullptr;  // null for one curve
-  std::optional<CurvePairs> pairs_;         // empty for one curve
+  const InstrumentStack* stack_ = nullptr;  // null without pairs
+  std::optional<CurvePairs> pairs_;         // empty for one curve that does not touch itself
   std::optional<CurvePairs> trial_pairs_;
 };
 

@@ -203,10 +203,11 @@ T* FindEarlier(const EffectContext& context) {
 /// `torsional_ratio`: GJ / EI of the instrument.
 using ShapeChange = void (*)(std::vector<WireSection>& sections, double torsional_ratio);
 
-/// Role *stage* of several instruments: the clearance that an effect gives them. `instruments`: the
+/// Role *stage*: what an effect adds to the clearance of the instruments. `instruments`: the
 /// innermost first; `wall`: the vessel's wall. Throws UserError naming file, key, value and remedy.
-using MakeRoom = std::function<Clearance(
-    const std::any& spec, const std::vector<Instrument>& instruments, const WallModel& wall)>;
+using MakeRoom =
+    std::function<void(const std::any& spec, const std::vector<Instrument>& instruments,
+                       const WallModel& wall, Clearance& clearance)>;
 
 /// One row of the table of effects.
 struct EffectKind {

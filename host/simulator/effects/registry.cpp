@@ -9,6 +9,7 @@
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/imaging/lateral_plane.h"
 #include "host/simulator/effects/instruments/clearance.h"
+#include "host/simulator/effects/instruments/self_contact.h"
 #include "host/simulator/effects/instruments/torsion.h"
 #include "host/simulator/effects/loads/gravity.h"
 #include "host/simulator/effects/loads/inertia.h"
@@ -23,10 +24,10 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
-      TorsionKind(),     ClearanceKind(),       HeartbeatKind(),  BreathingKind(), ComplianceKind(),
-      FrictionKind(),    FrictionBetweenKind(), GravityKind(),    InertiaKind(),   PointLoadKind(),
-      WallForceKind(),   InternalForcesKind(),  AssessmentKind(), FlowKind(),      ContrastKind(),
-      FluoroscopyKind(), LateralPlaneKind(),
+      TorsionKind(),    ClearanceKind(),   SelfContactKind(),     HeartbeatKind(),  BreathingKind(),
+      ComplianceKind(), FrictionKind(),    FrictionBetweenKind(), GravityKind(),    InertiaKind(),
+      PointLoadKind(),  WallForceKind(),   InternalForcesKind(),  AssessmentKind(), FlowKind(),
+      ContrastKind(),   FluoroscopyKind(), LateralPlaneKind(),
   };
   return kinds;
 }

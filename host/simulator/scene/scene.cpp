@@ -179,7 +179,7 @@ void Scene::MakeStack() {
   }
   for (const EffectSpec& effect : spec_.effects) {
     if (const effects::MakeRoom& room = KindOf(effect).room) {
-      clearance = room(effect.keys, bare, wall_);
+      room(effect.keys, bare, wall_, clearance);
     }
   }
   LayBeside(clearance);

@@ -193,10 +193,11 @@ std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& re
       table.Refuse(kind.name, "needs [effects." + kind.needs +
                                   "], which this scene does not have; add it or remove this table");
     }
-    if (kind.shape != nullptr && relaxation.method == Method::kPaper) {
+    const bool is_stage = kind.shape != nullptr || kind.room != nullptr;
+    if (is_stage && relaxation.method == Method::kPaper) {
       table.Refuse(kind.name,
-                   "is not supported by the paper's method, whose wire does not twist; remove it "
-                   "or choose relaxation.method = \"newton\"");
+                   "changes the unknowns of the wire, which the paper's method does not support; "
+                   "remove it or choose relaxation.method = \"newton\"");
     }
     specs.push_back({kind.name, kind.keys.read(*keys), table.Origin()});
   }

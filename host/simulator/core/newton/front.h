@@ -48,6 +48,11 @@ struct FrontGain {
   double constant[kMostControls];
 };
 
+/// Inverse of the pivot S of (17).
+struct PivotInverse {
+  double of[kMostControls][kMostControls];
+};
+
 /// Minimum cost of everything beyond the cuts: the quadratic function V(z) = z'P z/2 + g'z of the
 /// slots z. `kRows` is the sum of the slots' rows.
 template <int kRows>
@@ -60,9 +65,10 @@ struct Front {
   double decrease_mJ = 0;
 
   /// Eliminates segment i of the curve whose slot, number kSlot, begins at row kAt. The slot moves
-  /// from cut i + 1 to cut i. Returns false if the pivot is not positive definite.
+  /// from cut i + 1 to cut i. Returns false if the pivot is not positive definite. `inverse`: if
+  /// not null, receives the inverse of the pivot.
   template <int kSlot, int kAt, int kSpins>
-  bool Advance(const FrontSegment& segment, FrontGain& gain);
+  bool Advance(const FrontSegment& segment, FrontGain& gain, PivotInverse* inverse = nullptr);
 
   /// Slots of the inner and the outer of two curves, and their first rows.
   struct Slots {
@@ -109,7 +115,11 @@ struct Front {
   [[gnu::always_inline]] inline void AddSpins(const FrontSegment& segment,
                                               Couplings<SlotControls(kSpins)>& w);
   template <int kControls>
-  [[gnu::always_inline]] inline bool Eliminate(Couplings<kControls>& w, FrontGain& gain);
+  static void Invert(const double (&s)[kControls][kControls], const double (&scale)[kControls],
+                     PivotInverse& inverse);
+  template <int kControls>
+  [[gnu::always_inline]] inline bool Eliminate(Couplings<kControls>& w, FrontGain& gain,
+                                               PivotInverse* inverse);
 };
 
 template <int kRows>
@@ -164,7 +174,7 @@ void Front<kRows>::Take(const Front<kSlotRows>& alone) {
 
 template <int kRows>
 template <int kSlot, int kAt, int kSpins>
-bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain) {
+bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain, PivotInverse* inverse) {
   Couplings<SlotControls(kSpins)> w;
   Substitute<kAt, kSpins>(segment, w);
   Renew<kAt, kSpins>(segment, w);
@@ -183,7 +193,7 @@ bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain) {
   } else {
     if (segment.turn != nullptr) AddTurn<kAt>(segment.turn->rest, w);
   }
-  return Eliminate(w, gain);
+  return Eliminate(w, gain, inverse);
 }
 
 // Computes f = B'P, s = B'P B and c = B'g. B puts the control into the slot at cut i + 1. By (15) a
@@ -343,11 +353,30 @@ void Front<kRows>::AddSpins(const FrontSegment& segment, Couplings<SlotControls(
   }
 }
 
+// Inverts L D L'; `s` has L D below its diagonal, `scale` the inverse of D.
+template <int kRows>
+template <int kControls>
+void Front<kRows>::Invert(const double (&s)[kControls][kControls], const double (&scale)[kControls],
+                          PivotInverse& inverse) {
+  for (int column = 0; column < kControls; ++column) {
+    double unit[kControls] = {};
+    unit[column] = 1;
+    for (int k = 0; k < kControls; ++k) {
+      for (int m = 0; m < k; ++m) unit[k] -= s[k][m] * scale[m] * unit[m];
+    }
+    for (int k = kControls - 1; k >= 0; --k) {
+      unit[k] *= scale[k];
+      for (int m = k + 1; m < kControls; ++m) unit[k] -= s[m][k] * scale[k] * unit[m];
+      inverse.of[k][column] = unit[k];
+    }
+  }
+}
+
 // Finds the optimal control (20), and the remaining cost (21), (22). The pivot is L D L', and s
 // keeps L D below its diagonal.
 template <int kRows>
 template <int kControls>
-bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
+bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain, PivotInverse* inverse) {
   alignas(16) double solved[kControls][kColumns];
   double scale[kControls];
   for (int k = 0; k < kControls; ++k) {
@@ -383,6 +412,7 @@ bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
     }
     for (int r = 0; r < kRows; ++r) gain.of_slots[k][r] = solved[k][r];
   }
+  if (inverse != nullptr) Invert<kControls>(w.s, scale, *inverse);
   return true;
 }
 

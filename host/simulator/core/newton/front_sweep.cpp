@@ -1,38 +1,55 @@
 #include "host/simulator/core/newton/front_sweep.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cstring>
 #include <type_traits>
 #include <utility>
-
-#include "host/simulator/core/stack/pair_order.h"
 
 namespace torquer {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-FrontSweep::FrontSweep(std::vector<const WireModel*> rods) : rods_(std::move(rods)) {
+namespace {
+
+bool AnyCross(const std::vector<BetweenCurves>& between) {
+  return std::any_of(between.begin(), between.end(),
+                     [](const BetweenCurves& pair) { return !pair.ordered; });
+}
+
+}  // namespace
+
+FrontSweep::FrontSweep(std::vector<const WireModel*> rods,
+                       const std::vector<BetweenCurves>& between)
+    : rods_(std::move(rods)),
+      schedule_(static_cast<int>(rods_.size()),
+                static_cast<std::size_t>(rods_.front()->max_segments()) + 1, between),
+      open_(AnyCross(between)) {
   const auto n = static_cast<std::size_t>(rods_.front()->max_segments()) + 1;
   const std::size_t curves = rods_.size();
   spin_rows_.fill(-1);
+  int most_controls = 0;
   for (std::size_t c = 0; c < curves; ++c) {
+    const WireModel& rod = *rods_[c];
     slot_at_[c] = rows_;
-    for (int m = 0; m < rods_[c]->spins(); ++m) {
-      spin_rows_[static_cast<std::size_t>(rods_[c]->first_spin() + m)] = rows_ + 5 + m;
+    for (int m = 0; m < rod.spins(); ++m) {
+      spin_rows_[static_cast<std::size_t>(rod.first_spin() + m)] = rows_ + 5 + m;
     }
-    rows_ += SlotRows(rods_[c]->spins());
+    rows_ += SlotRows(rod.spins());
+    controls_[c] = SlotControls(rod.spins());
+    most_controls = std::max(most_controls, controls_[c]);
     inputs_[c].model = rods_[c];
     gains_.emplace_back().reserve(n);
-    of_segments_.emplace_back().reserve(n);
+    if (rod.twists()) twists_.reserve(n);
   }
-  of_groups_.resize(curves * (curves - 1) / 2);
-  left_.resize(of_groups_.size());
-  for (std::vector<int>& groups : of_groups_) groups.reserve(2 * n);
-  const std::size_t operations = n * (curves + 2 * of_groups_.size());
-  operations_.reserve(operations);
-  checkpoints_.reserve(operations / kSpacing + 1);
+  if (AnyCross(between)) {
+    open_gains_.reserve(
+        n * curves *
+        static_cast<std::size_t>(most_controls * OpenRows::kBlockRows * kMostOpenBlocks));
+  }
+  checkpoints_.reserve(schedule_.operations().capacity() / kSpacing + 1);
 }
 
 FrontSegment FrontSweep::Inputs::Segment(int i) const {
@@ -49,13 +66,18 @@ FrontSegment FrontSweep::Inputs::Segment(int i) const {
   // The softer of its two joints determines the weight.
   segment.bend_weight_mJ =
       weight * std::min(model->rigidity_N_mm2(from_tip), model->rigidity_N_mm2(from_tip - 1));
-  const int spins = model->spins();
-  if (spins == 0) return segment;
-  segment.spins = &at->stack[k];
+  const int count = model->spins();
+  if (count == 0) return segment;
+  segment.spins = &spins[k];
+  if (model->twists()) {
+    segment.spin_weight_mJ[0] = weight * std::min(model->torsional_rigidity_N_mm2(from_tip),
+                                                  model->torsional_rigidity_N_mm2(from_tip - 1));
+    return segment;
+  }
   const WireModel::TwistingJoint& before = model->twisting_joint(from_tip);
   const WireModel::TwistingJoint& beyond = model->twisting_joint(from_tip - 1);
   const auto first = static_cast<std::size_t>(model->first_spin());
-  for (std::size_t m = 0; m < static_cast<std::size_t>(spins); ++m) {
+  for (std::size_t m = 0; m < static_cast<std::size_t>(count); ++m) {
     const std::size_t spin = first + m;
     segment.spin_weight_mJ[m] = weight * std::min(before.of[spin].torsional_rigidity_N_mm2,
                                                   beyond.of[spin].torsional_rigidity_N_mm2);
@@ -63,68 +85,85 @@ FrontSegment FrontSweep::Inputs::Segment(int i) const {
   return segment;
 }
 
-void FrontSweep::AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>& cuts) {
-  int& at = cuts[static_cast<std::size_t>(curve)];
-  std::vector<int>& of = of_segments_[static_cast<std::size_t>(curve)];
-  while (at > cut) {
-    --at;
-    of[static_cast<std::size_t>(at)] = static_cast<int>(operations_.size());
-    operations_.push_back({curve, -1, at});
+// Writes the twist of a lone wire as that of a stack of one.
+void FrontSweep::TakeTwists(int curve) {
+  Inputs& inputs = inputs_[static_cast<std::size_t>(curve)];
+  if (!inputs.model->twists()) {
+    inputs.spins = inputs.at->stack.data();
+    return;
   }
-}
-
-// Finds the cut of each curve beyond which nothing touches it; one curve alone is in the front from
-// its tip on.
-void FrontSweep::FindCommon(const WireState& state, const QuadraticModel& quadratic) {
-  for (int c = 0; c < state.curves(); ++c) {
-    const int segments = state.curve(c).segments();
-    of_segments_[static_cast<std::size_t>(c)].assign(static_cast<std::size_t>(segments), -1);
-    common_[static_cast<std::size_t>(c)] = state.curves() == 1 ? segments : 0;
+  twists_.resize(inputs.at->twists.size());
+  for (std::size_t i = 0; i < twists_.size(); ++i) {
+    const TwistTerms& from = inputs.at->twists[i];
+    StackTerms& to = twists_[i];
+    to.gradient_proximal[0] = from.gradient_proximal;
+    to.gradient_distal[0] = from.gradient_distal;
+    to.hessian_proximal(0, 0) = from.hessian_proximal;
+    to.hessian_distal(0, 0) = from.hessian_distal;
+    to.hessian_cross[0] = from.hessian_cross;
+    to.proximal_proximal.row(0) = from.proximal_proximal.transpose();
+    to.proximal_distal.row(0) = from.proximal_distal.transpose();
+    to.distal_proximal.row(0) = from.distal_proximal.transpose();
+    to.distal_distal.row(0) = from.distal_distal.transpose();
+    to.distal_displacement.row(0) = from.distal_displacement.transpose();
   }
-  for (const BetweenCurves& between : quadratic.between) {
-    if (between.groups.empty()) continue;
-    const SegmentPair& last = between.groups.back();
-    int& inner = common_[static_cast<std::size_t>(between.inner)];
-    int& outer = common_[static_cast<std::size_t>(between.outer)];
-    inner = std::max(inner, last.inner + 1);
-    outer = std::max(outer, last.outer + 1);
-  }
-}
-
-// Orders the operations: a contact comes when both of its curves are at the cuts behind its
-// segments. Contacts of several pairs are merged so that no curve has to go back.
-void FrontSweep::Schedule(const WireState& state, const QuadraticModel& quadratic) {
-  operations_.clear();
-  FindCommon(state, quadratic);
-  const std::vector<BetweenCurves>& between = quadratic.between;
-  for (std::size_t k = 0; k < between.size(); ++k) {
-    of_groups_[k].resize(between[k].groups.size());
-    left_[k] = static_cast<int>(between[k].groups.size());
-  }
-  std::array<int, kMostInstruments> cuts = common_;
-  for (std::size_t k = NextPair(between, left_); k < between.size(); k = NextPair(between, left_)) {
-    const auto group = static_cast<std::size_t>(--left_[k]);
-    const SegmentPair& pair = between[k].groups[group];
-    assert(cuts[static_cast<std::size_t>(between[k].inner)] > pair.inner &&
-           cuts[static_cast<std::size_t>(between[k].outer)] > pair.outer);
-    AdvanceTo(between[k].inner, pair.inner + 1, cuts);
-    AdvanceTo(between[k].outer, pair.outer + 1, cuts);
-    of_groups_[k][group] = static_cast<int>(operations_.size());
-    operations_.push_back({-1, static_cast<int>(k), left_[k]});
-  }
-  for (int c = 0; c < state.curves(); ++c) AdvanceTo(c, 0, cuts);
-  checkpoints_.resize(operations_.size() / kSpacing + 1);
+  inputs.spins = twists_.data();
 }
 
 // Sweeps the segments beyond all contacts.
 template <int kSpins>
 bool FrontSweep::SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond) {
   const auto c = static_cast<std::size_t>(curve);
-  for (int i = inputs_[c].curve->segments() - 1; i >= common_[c]; --i) {
+  for (int i = inputs_[c].curve->segments() - 1; i >= schedule_.common(curve); --i) {
     const auto k = static_cast<std::size_t>(i);
     if (!beyond.template Advance<0, 0, kSpins>(inputs_[c].Segment(i), gains_[c][k])) return false;
   }
   return true;
+}
+
+template <int kSlot, int kAt, int kSpins, int kRows>
+bool FrontSweep::Advance(const FrontOperation& operation, Front<kRows>& front) {
+  const FrontSegment segment = inputs_[kSlot].Segment(operation.index);
+  FrontGain& gain = gains_[kSlot][static_cast<std::size_t>(operation.index)];
+  if (operation.open == 0) return front.template Advance<kSlot, kAt, kSpins>(segment, gain);
+  open_.Substitute(segment, kSpins, kAt, operation.open);
+  PivotInverse inverse;
+  if (!front.template Advance<kSlot, kAt, kSpins>(segment, gain, &inverse)) return false;
+  open_.Eliminate(gain, inverse, SlotControls(kSpins), kRows, operation.open,
+                  &open_gains_[operation.gains_at]);
+  return true;
+}
+
+// Adds what an operation that does not advance a curve adds.
+template <int kRows>
+void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quadratic,
+                     Front<kRows>& front) {
+  using Kind = FrontOperation::Kind;
+  const int slot = operation.curve;
+  const int at = slot < 0 ? 0 : slot_at_[static_cast<std::size_t>(slot)];
+  if (operation.kind == Kind::kOpen) return open_.Open(operation.block, operation.open);
+  if (operation.kind == Kind::kClose) {
+    return open_.Close(operation.block, operation.open, slot, at, front);
+  }
+  const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(operation.pair)];
+  const auto group = static_cast<std::size_t>(operation.index);
+  const BetweenCurves::Terms& terms = between.terms[group];
+  if (operation.kind == Kind::kTouch) {
+    const typename Front<kRows>::Slots slots{between.inner, between.outer,
+                                             slot_at_[static_cast<std::size_t>(between.inner)],
+                                             slot_at_[static_cast<std::size_t>(between.outer)]};
+    if (terms.any) front.Touch(terms, slots);
+    if (!between.spin_terms.empty() && between.spin_terms[group].any) {
+      front.Touch(between.spin_terms[group], slots, spin_rows_);
+    }
+    return;
+  }
+  if (!terms.any) return;
+  if (operation.kind == Kind::kWait) {
+    open_.Wait(terms, operation.side, operation.block, slot, at, front);
+  } else {
+    AddEnd(terms, operation.side, slot, at, front);
+  }
 }
 
 // `kSpins`: of each curve.
@@ -150,13 +189,12 @@ bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
       return true;
     }() && ...);
   };
-  const auto advance = [&]<int... c>(std::integer_sequence<int, c...> /*curves*/, int curve,
-                                     int segment) {
-    const auto i = static_cast<std::size_t>(segment);
+  const auto advance = [&]<int... c>(std::integer_sequence<int, c...> /*curves*/,
+                                     const FrontOperation& operation) {
     bool definite = true;
-    ((curve == c ? static_cast<void>(definite = front.template Advance<c, kAt(c), kSpinsOf[c]>(
-                                         inputs_[c].Segment(segment), gains_[c][i]))
-                 : static_cast<void>(0)),
+    ((operation.curve == c
+          ? static_cast<void>(definite = Advance<c, kAt(c), kSpinsOf[c]>(operation, front))
+          : static_cast<void>(0)),
      ...);
     return definite;
   };
@@ -167,23 +205,16 @@ bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
   } else if (!begin(kEach)) {
     return false;
   }
-  for (int k = first; k < static_cast<int>(operations_.size()); ++k) {
+  const std::vector<FrontOperation>& operations = schedule_.operations();
+  for (int k = first; k < static_cast<int>(operations.size()); ++k) {
     if (k % kSpacing == 0) {
       std::memcpy(checkpoints_[static_cast<std::size_t>(k / kSpacing)].front, &front, sizeof front);
     }
-    const Operation& operation = operations_[static_cast<std::size_t>(k)];
-    if (operation.pair < 0) {
-      if (!advance(kEach, operation.curve, operation.index)) return false;
-      continue;
-    }
-    const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(operation.pair)];
-    const auto group = static_cast<std::size_t>(operation.index);
-    const typename AnyFront::Slots slots{between.inner, between.outer,
-                                         slot_at_[static_cast<std::size_t>(between.inner)],
-                                         slot_at_[static_cast<std::size_t>(between.outer)]};
-    if (between.terms[group].any) front.Touch(between.terms[group], slots);
-    if (!between.spin_terms.empty() && between.spin_terms[group].any) {
-      front.Touch(between.spin_terms[group], slots, spin_rows_);
+    const FrontOperation& operation = operations[static_cast<std::size_t>(k)];
+    if (operation.kind != FrontOperation::Kind::kAdvance) {
+      Add(operation, quadratic, front);
+    } else if (!advance(kEach, operation)) {
+      return false;
     }
   }
   predicted_decrease_mJ_ = front.decrease_mJ;
@@ -198,9 +229,14 @@ bool FrontSweep::Sweep(const WireState& state, const QuadraticModel& quadratic, 
     inputs.curve = &state.curve(c);
     inputs.at = &quadratic.curve(c);
     inputs.weight = weight;
+    TakeTwists(c);
     key = 10 * (c == 0 ? 1 : key) + inputs.model->spins();
   }
   switch (key) {
+    case 10:
+      return SweepSlots<0>(quadratic, first);
+    case 11:
+      return SweepSlots<1>(quadratic, first);
     case 12:
       return SweepSlots<2>(quadratic, first);
     case 13:
@@ -243,18 +279,42 @@ bool FrontSweep::Factor(const WireState& state, const QuadraticModel& quadratic,
   for (int c = 0; c < state.curves(); ++c) {
     gains_[static_cast<std::size_t>(c)].resize(state.curve(c).tangents().size());
   }
-  Schedule(state, quadratic);
+  schedule_.Make(state, quadratic, controls_);
+  open_gains_.resize(schedule_.gains());
+  checkpoints_.resize(schedule_.operations().size() / kSpacing + 1);
   return Sweep(state, quadratic, weight, 0);
 }
 
 bool FrontSweep::Refactor(const WireState& state, const QuadraticModel& quadratic, double weight,
                           int first) {
-  const int checkpoint = first / kSpacing * kSpacing;
+  // Checkpoints have no open rows.
+  int checkpoint = first / kSpacing;
+  while (checkpoint > 0 && schedule_.IsOpenAt(checkpoint * kSpacing)) --checkpoint;
   if (checkpoint <= 0) return Factor(state, quadratic, weight);
-  return Sweep(state, quadratic, weight, checkpoint);
+  return Sweep(state, quadratic, weight, checkpoint * kSpacing);
 }
 
 namespace {
+
+// Rows of the open blocks during the pass from the sheath, with the gains of one segment.
+struct OpenArguments {
+  const double* rows = nullptr;   // of all blocks
+  const double* gains = nullptr;  // control by control, and block by block
+  std::uint64_t open = 0;
+
+  double Sum(int control) const {
+    double sum = 0;
+    const double* gain =
+        gains + static_cast<std::ptrdiff_t>(control) * OpenRows::kBlockRows * std::popcount(open);
+    for (int b = 0; open >> b != 0; ++b) {
+      if ((open >> b & 1) == 0) continue;
+      for (int r = 0; r < OpenRows::kBlockRows; ++r) {
+        sum += *gain++ * rows[OpenRows::kBlockRows * b + r];
+      }
+    }
+    return sum;
+  }
+};
 
 // Output of a curve during the pass from the sheath: its slot, and the destinations of its steps.
 struct Moved {
@@ -273,15 +333,15 @@ struct Moved {
   }
 
   // Moves the slot from cut i to cut i + 1. `slots`: the arguments of the gain; `rows`: their
-  // number.
-  void Advance(int i, const double* slots, int rows) const {
+  // number. `open`: those of the gains of the open rows.
+  void Advance(int i, const double* slots, int rows, const OpenArguments& open) const {
     const auto k = static_cast<std::size_t>(i);
     const int spins = model.spins();
     double control[kMostControls] = {};
     for (int c = 0; c < SlotControls(spins); ++c) {
       double sum = gains[k].constant[c];
       for (int r = 0; r < rows; ++r) sum += gains[k].of_slots[c][r] * slots[r];
-      control[c] = -sum;
+      control[c] = -(sum + open.Sum(c));
     }
     const Vector2d xi(control[0], control[1]);
     step.displacement_mm[k] = {slot[0], slot[1], slot[2]};
@@ -312,14 +372,22 @@ double FrontSweep::Step(const WireState& state, const QuadraticModel& quadratic,
   };
   for (int c = 0; c < state.curves(); ++c) moved(c).Begin();
   // The order is opposite to that of the sweep.
-  for (auto operation = operations_.rbegin(); operation != operations_.rend(); ++operation) {
-    if (operation->pair < 0) moved(operation->curve).Advance(operation->index, slots, rows_);
+  double rows[OpenRows::kBlockRows * kMostOpenBlocks];
+  const std::vector<FrontOperation>& operations = schedule_.operations();
+  for (auto operation = operations.rbegin(); operation != operations.rend(); ++operation) {
+    if (operation->kind == FrontOperation::Kind::kAdvance) {
+      const OpenArguments open{rows, open_gains_.data() + operation->gains_at, operation->open};
+      moved(operation->curve).Advance(operation->index, slots, rows_, open);
+    } else if (operation->kind == FrontOperation::Kind::kClose) {
+      const double* const slot = slots + slot_at_[static_cast<std::size_t>(operation->curve)];
+      std::copy_n(slot, OpenRows::kBlockRows, rows + OpenRows::kBlockRows * operation->block);
+    }
   }
   for (int c = 0; c < state.curves(); ++c) {
     const Moved alone = moved(c);
-    const int rows = SlotRows(rods_[static_cast<std::size_t>(c)]->spins());
-    for (int i = common_[static_cast<std::size_t>(c)]; i < state.curve(c).segments(); ++i) {
-      alone.Advance(i, alone.slot, rows);
+    const int own_rows = SlotRows(rods_[static_cast<std::size_t>(c)]->spins());
+    for (int i = schedule_.common(c); i < state.curve(c).segments(); ++i) {
+      alone.Advance(i, alone.slot, own_rows, {});
     }
   }
   return predicted_decrease_mJ_;

@@ -25,7 +25,7 @@ void NewtonMemory::Forget() {
   moved = pushed = stable = false;
   paired = true;
   pairings = iterations_since_move = 0;
-  residual_when_paired = 0;
+  residual_when_paired = moved_since_paired_mm = 0;
 }
 
 void NewtonMemory::Move() {
@@ -40,8 +40,8 @@ std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   // Names every member, so that a struct with another one does not compile. The scene and the state
   // determine the last three.
   const auto& [phase_now, part_now, was_moved, was_pushed, is_stable, is_paired, times_paired,
-               when_paired, iterations, contacts, damper, of_feeds, of_travels, travel, is_current,
-               quadratic] = *this;
+               when_paired, since_paired, iterations, contacts, damper, of_feeds, of_travels,
+               travel, is_current, quadratic] = *this;
   for (const FeedPrediction& feed : of_feeds) seed = feed.Hash(seed);
   for (const TravelPrediction& one : of_travels) seed = one.Hash(seed);
   seed = damper.Hash(seed);
@@ -49,10 +49,9 @@ std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   seed = HashWord(static_cast<std::uint64_t>(phase_now), seed);
   seed = HashWord(static_cast<std::uint64_t>(part_now), seed);
   for (const bool flag : {was_moved, was_pushed, is_stable}) seed = HashWord(flag ? 1 : 0, seed);
-  // Only several curves have pairs.
-  if (of_feeds.size() > 1) {
+  if (!quadratic.between.empty()) {
     seed = HashWord(static_cast<std::uint64_t>(2 * times_paired + (is_paired ? 1 : 0)), seed);
-    seed = HashDouble(when_paired, seed);
+    seed = HashDouble(since_paired, HashDouble(when_paired, seed));
   }
   // Only an unfinished iteration uses these.
   if (phase_now == Phase::kAttempting) seed = damper.HashAttempt(seed);

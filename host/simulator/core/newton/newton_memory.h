@@ -35,6 +35,8 @@ struct NewtonMemory {
   bool paired = true;   ///< the pairs of the curves (CurvePairs) are those of the state
   int pairings = 0;     ///< since the move
   double residual_when_paired = 0;  ///< residual of the state whose pairs the curves have
+  /// Sum of the longest moves of a node since then, mm; only for curves beside each other.
+  double moved_since_paired_mm = 0;
   int iterations_since_move = 0;
   std::vector<ActiveSet> active_sets{};  ///< of the wall; by curve
   Damping damping{};

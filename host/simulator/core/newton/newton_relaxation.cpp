@@ -42,7 +42,7 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       memory_{.current = mechanics_.MakeQuadraticModel()},
       trial_quadratic_(mechanics_.MakeQuadraticModel()),
       trial_(model_, stack().size()) {
-  assert(kFront == (several_curves() || model_.stack_twists()));
+  assert(kFront == (mechanics_.has_pairs() || model_.stack_twists()));
   assert(kFront || kTwists == model_.twists());
   memory_.Reserve(mechanics_);
   trial_.RemoveOthers(stack().curves());
@@ -110,6 +110,7 @@ void NewtonMethod<Sweep>::Pair(const WireState& state) {
   BuildModel(state);
   memory_.paired = true;
   memory_.residual_when_paired = memory_.current.residual;
+  memory_.moved_since_paired_mm = 0;
 }
 
 template <class Sweep>
@@ -124,7 +125,7 @@ template <class Sweep>
 double NewtonMethod<Sweep>::SolverErrorMm(const WireState& state) {
   if (state.Farthest().segments() == 0) return 0;
   RestoreTrueLoads(state);
-  if (!several_curves() || memory_.paired) return solver_.NextStepMm(state, memory_.current);
+  if (!mechanics_.has_pairs() || memory_.paired) return solver_.NextStepMm(state, memory_.current);
   // The next step with the pairs of this state. The solver keeps its own.
   mechanics_.ExchangePairs();
   mechanics_.PairCurves(state);
@@ -206,7 +207,7 @@ void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
   }
   memory_.part = Part::kOpen;
   // Begin of the terms, or other pairs of the curves, may change the energy.
-  memory_.up_to_date = memory_.up_to_date && terms_.empty() && !several_curves();
+  memory_.up_to_date = memory_.up_to_date && terms_.empty() && !mechanics_.has_pairs();
 }
 
 template <class Sweep>
@@ -287,7 +288,7 @@ bool NewtonMethod<Sweep>::Paired(const WireState& state) {
   constexpr int kMostPairings = 4;
   // Pairing again leaves less than this part of the residual that was removed since the last one.
   constexpr double kMostLeft = 0.03;
-  if (!several_curves() || memory_.paired || memory_.pairings == kMostPairings) return true;
+  if (!mechanics_.has_pairs() || memory_.paired || memory_.pairings == kMostPairings) return true;
   if (kMostLeft * memory_.residual_when_paired <= settings_.tolerance) return true;
   Pair(state);
   ++memory_.pairings;
@@ -347,6 +348,10 @@ AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& r
 template <class Sweep>
 void NewtonMethod<Sweep>::Accept(const AttemptRecord& record, WireState& state,
                                  TickReport& report) {
+  if (mechanics_.has_beside()) {
+    memory_.moved_since_paired_mm +=
+        record.step_scale * solver_.LongestMoveMm(state, memory_.current);
+  }
   state.TakeStep(trial_);
   std::swap(memory_.current, trial_quadratic_);
   memory_.stable = memory_.damping.weight() == 0 && record.definite;
@@ -356,6 +361,15 @@ void NewtonMethod<Sweep>::Accept(const AttemptRecord& record, WireState& state,
   memory_.phase = Phase::kIdle;
   ++memory_.iterations_since_move;
   ++report.iterations;
+  PairAfterLongMoves(state);
+}
+
+// Curves beside each other are kept apart only where they are paired. After a move by half a piece
+// they face other places.
+template <class Sweep>
+void NewtonMethod<Sweep>::PairAfterLongMoves(const WireState& state) {
+  const int pieces = LumenPairs::PiecesPerSegment(mechanics_.wall().points_per_segment);
+  if (memory_.moved_since_paired_mm > model_.segment_mm() / (2 * pieces)) Pair(state);
 }
 
 template <class Sweep>
@@ -427,7 +441,7 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  if (stack.curves() > 1 || stack.rod().stack_twists()) {
+  if (stack.curves() > 1 || stack.rod().stack_twists() || stack.clearance().touches_itself) {
     return std::make_unique<NewtonMethod<FrontSweep>>(stack, field, wall, settings, terms);
   }
   return MakeLone(stack, stack.rod().twists(), field, wall, settings, terms);

@@ -76,7 +76,6 @@ class NewtonMethod final : public Relaxation {
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
 
-  bool several_curves() const { return kFront && stack().curves() > 1; }
   // For the terms, every part of a motion is one relaxation: Begin .. End.
   void FollowVessel(WireState& state);
   void BeginPart(const WireState& state);
@@ -88,6 +87,7 @@ class NewtonMethod final : public Relaxation {
   bool Stable(const WireState& state);
   void Pair(const WireState& state);
   bool Paired(const WireState& state);
+  void PairAfterLongMoves(const WireState& state);
   void PushOff(WireState& state);
   void BuildModel(const WireState& state);
   void BringUpToDate(const WireState& state);

@@ -42,7 +42,7 @@ Sweep StepSolver<Sweep>::MakeSweep(const WireMechanics& mechanics) {
   if constexpr (kFront) {
     std::vector<const WireModel*> rods;
     for (int c = 0; c < mechanics.curves(); ++c) rods.push_back(&mechanics.model(c));
-    return FrontSweep(std::move(rods));
+    return FrontSweep(std::move(rods), mechanics.MakeQuadraticModel().between);
   } else {
     return Sweep(mechanics.model().max_segments());
   }
@@ -62,7 +62,6 @@ StepSolver<Sweep>::StepSolver(const WireMechanics& mechanics)
           static_cast<std::size_t>(model.spins()));
     }
   }
-  if (curves() == 1) return;
   for (const BetweenCurves& between : mechanics.MakeQuadraticModel().between) {
     between_sets_.emplace_back(between.springs.capacity());
   }
@@ -148,13 +147,13 @@ int StepSolver<Sweep>::UpdateSets(const QuadraticModel& at, std::vector<ActiveSe
       const int segment = wall_sets[static_cast<std::size_t>(c)].Update(at.curve(c));
       if (segment < 0) continue;
       any = true;
-      first = std::min(first, sweep_.OperationOf(c, segment));
+      first = std::min(first, sweep_.schedule().OperationOf(c, segment));
     }
     for (std::size_t k = 0; k < between_sets_.size(); ++k) {
       const int group = between_sets_[k].Update(at.between[k]);
       if (group < 0) continue;
       any = true;
-      first = std::min(first, sweep_.OperationOfGroup(static_cast<int>(k), group));
+      first = std::min(first, sweep_.schedule().OperationOfGroup(static_cast<int>(k), group));
     }
     return any ? std::max(first, 0) : -1;
   }
@@ -305,10 +304,8 @@ bool StepSolver<Sweep>::IsDefinite(const WireState& state, const QuadraticModel&
 }
 
 template <class Sweep>
-double StepSolver<Sweep>::NextStepMm(const WireState& state, const QuadraticModel& at,
-                                     const std::vector<Vector3d>* shift_mm) {
-  if (!IsDefinite(state, at, 0)) return std::numeric_limits<double>::quiet_NaN();
-  Step(state, at);
+double StepSolver<Sweep>::LongestMoveMm(const WireState& state, const QuadraticModel& at,
+                                        const std::vector<Vector3d>* shift_mm) const {
   double longest_mm = 0;
   for (int c = 0; c < curves(); ++c) {
     longest_mm = std::max(
@@ -316,6 +313,14 @@ double StepSolver<Sweep>::NextStepMm(const WireState& state, const QuadraticMode
                               steps_[static_cast<std::size_t>(c)], c == 0 ? shift_mm : nullptr));
   }
   return longest_mm;
+}
+
+template <class Sweep>
+double StepSolver<Sweep>::NextStepMm(const WireState& state, const QuadraticModel& at,
+                                     const std::vector<Vector3d>* shift_mm) {
+  if (!IsDefinite(state, at, 0)) return std::numeric_limits<double>::quiet_NaN();
+  Step(state, at);
+  return LongestMoveMm(state, at, shift_mm);
 }
 
 template <class Sweep>

@@ -14,11 +14,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Distance of the axes, mm, up to which a place is paired: one part of the motion covers less.
-constexpr double kReachMm = 5;
-// Least cosine of the angle between both tangents: instruments that meet head on are not paired.
-constexpr double kLeastCosine = -0.5;
-
 // Segment of a curve, `from` or one beyond it, that faces a point; -1 if none is within reach.
 int FacingSegment(const WireModel& rod, const Curve& curve, const Vector3d& point, int from) {
   const double longest_mm = 1.5 * rod.segment_mm();
@@ -51,39 +46,6 @@ int FacingSegment(const WireModel& rod, const Curve& curve, const Vector3d& poin
   return -1;
 }
 
-// Line of a segment.
-struct Line {
-  Vector3d begin;
-  Vector3d along;
-};
-
-Line LineOf(const Curve& curve, int segment) {
-  const auto i = static_cast<std::size_t>(segment);
-  return {curve.nodes()[i], curve.tangents()[i]};
-}
-
-// Place on a piece of the inner line for contact with the outer line: the middle of the piece if
-// the lines run alongside, and the point nearest to the outer line if they cross.
-double ContactMm(const Line& inner, const Line& outer, double middle_mm, double piece_mm) {
-  constexpr double kAlongside = 0.15;  // sines of the angle
-  constexpr double kCrossing = 0.45;
-  const double cosine = inner.along.dot(outer.along);
-  const double squared_sine = 1 - cosine * cosine;
-  const double fraction = std::clamp(
-      (std::sqrt(std::max(0.0, squared_sine)) - kAlongside) / (kCrossing - kAlongside), 0.0, 1.0);
-  if (fraction == 0) return middle_mm;
-  const Vector3d apart = inner.begin + middle_mm * inner.along - outer.begin;
-  const double nearest_mm =
-      (cosine * outer.along.dot(apart) - inner.along.dot(apart)) / squared_sine;
-  return middle_mm + fraction * std::clamp(nearest_mm, -piece_mm / 2, piece_mm / 2);
-}
-
-// Part of a piece around a foot that a curve of a length covers.
-double CoveredFraction(double foot_mm, double length_mm, double piece_mm) {
-  return std::clamp(foot_mm / piece_mm + 0.5, 0.0, 1.0) *
-         std::clamp((length_mm - foot_mm) / piece_mm + 0.5, 0.0, 1.0);
-}
-
 }  // namespace
 
 void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state,
@@ -92,32 +54,25 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
   const Curve& outer = state.curve(out.outer);
   PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
                   inner, outer,         with_spots_,          out};
-  const double length_mm = outer.ArcLength(add.outer_rod);
   int facing = 0;
   for (int i = 0; i < inner.segments(); ++i) {
-    const Line line = LineOf(inner, i);
-    const double piece_mm = inner.SegmentLength(add.inner_rod, i) / out.pieces_per_segment;
     for (int k = 0; k < out.pieces_per_segment; ++k) {
-      const double middle_mm = (k + 0.5) * piece_mm;
-      const int m =
-          FacingSegment(add.outer_rod, outer, line.begin + middle_mm * line.along, facing);
+      const int m = FacingSegment(add.outer_rod, outer, add.MiddleOf(i, k), facing);
       if (m < 0) continue;
       facing = m;
-      const Line faced = LineOf(outer, m);
-      if (line.along.dot(faced.along) < kLeastCosine) continue;
-      const double past_mm = ContactMm(line, faced, middle_mm, piece_mm);
-      const double foot_mm = faced.along.dot(line.begin + past_mm * line.along - faced.begin);
-      const double segment_mm = outer.SegmentLength(add.outer_rod, m);
-      if (foot_mm < -segment_mm || foot_mm > 2 * segment_mm) continue;
-      const double foot_arc_mm = ArcMm(add.outer_rod, outer, m) + foot_mm;
-      const double covered = CoveredFraction(foot_arc_mm, length_mm, piece_mm);
-      if (covered == 0 || LumenOf(stack, out.inner, ArcMm(add.inner_rod, inner, i) + past_mm) !=
-                              LumenOf(stack, out.outer, foot_arc_mm)) {
-        continue;
-      }
-      add.AddBeside(i, past_mm, m, covered * piece_mm, i * out.pieces_per_segment + k);
+      if (IsHeadOn(inner, i, outer, m)) continue;
+      const BesidePlace place = add.FindBeside(i, k, m);
+      if (place.covered == 0 || !ShareLumen(stack, out, place)) continue;
+      add.AddBeside(i, place.past_mm, m, place.weight_mm, i * out.pieces_per_segment + k);
     }
   }
+}
+
+// True if both ends of a place lie in the same lumen, or both in the vessel.
+bool CurvePairs::ShareLumen(const InstrumentStack& stack, const LumenPairs& pairs,
+                            const BesidePlace& place) const {
+  return LumenOf(stack, pairs.inner, place.arc_mm) ==
+         LumenOf(stack, pairs.outer, place.foot_arc_mm);
 }
 
 // Moves a group of curves beside each other to other segments.
@@ -144,7 +99,7 @@ void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
 // segments before, whose lines run on beyond their ends.
 void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& state) {
   if (std::none_of(pairs_.begin(), pairs_.end(),
-                   [](const LumenPairs& pairs) { return pairs.beside; })) {
+                   [](const LumenPairs& pairs) { return pairs.beside && pairs.ordered; })) {
     return;
   }
   std::array<int, kMostInstruments> cuts = {};
@@ -152,7 +107,7 @@ void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& stat
     cuts[static_cast<std::size_t>(c)] = state.curve(c).segments();
   }
   for (std::size_t k = 0; k < pairs_.size(); ++k) {
-    left_[k] = static_cast<int>(pairs_[k].groups.size());
+    left_[k] = pairs_[k].ordered ? static_cast<int>(pairs_[k].groups.size()) : 0;
   }
   for (std::size_t k = NextPair(pairs_, left_); k < pairs_.size(); k = NextPair(pairs_, left_)) {
     LumenPairs& pairs = pairs_[k];

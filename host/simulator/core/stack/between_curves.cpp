@@ -254,6 +254,10 @@ LumenContact ContactAt(const Beside& at) {
 }  // namespace
 
 void BetweenCurves::Reserve(const LumenPairs& pairs) {
+  inner = pairs.inner;
+  outer = pairs.outer;
+  beside = pairs.beside;
+  ordered = pairs.ordered;
   groups.reserve(pairs.groups.capacity());
   springs.reserve(pairs.places.capacity());
   if (pairs.beside) neighbors.reserve(pairs.places.capacity());
@@ -278,9 +282,6 @@ void AddContacts(const LumenPairs& pairs, const Geometry& inner, const Geometry&
 void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
                           const Geometry& inner_curve, const Geometry& outer_curve,
                           std::vector<LumenContact>* lumen) {
-  inner = pairs.inner;
-  outer = pairs.outer;
-  beside = pairs.beside;
   at_mouth = pairs.at_mouth;
   groups = pairs.groups;
   springs.clear();

@@ -71,6 +71,7 @@ struct BetweenCurves {
   int inner = 0;                      ///< number of the inner curve
   int outer = 0;                      ///< number of the outer curve
   bool beside = false;                ///< the curves lie beside each other, not within
+  bool ordered = true;                ///< as in LumenPairs
   bool at_mouth = false;              ///< the last place is the outer curve's mouth
   std::vector<SegmentPair> groups;    ///< pairs of segments that face each other, from the sheath
   std::vector<Spring> springs;        ///< ordered from the sheath
@@ -89,7 +90,8 @@ struct BetweenCurves {
     const WireModel& rod;
     const std::vector<Frame>& frames;
   };
-  /// Reserves room for the places of `pairs`, as many as its vectors have room for.
+  /// Takes over the kind of `pairs`, and reserves room for its places, as many as its vectors have
+  /// room for.
   void Reserve(const LumenPairs& pairs);
   /// Finds the springs. `lumen`: if not null, receives the contacts at all spots of `pairs`, behind
   /// those that it has.

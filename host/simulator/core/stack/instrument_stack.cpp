@@ -98,6 +98,10 @@ void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clear
 }
 
 void CheckCurves(const std::vector<WireModel>& instruments, const Clearance& clearance) {
+  if (clearance.touches_itself && !(clearance.stiffness_N_mm2 > 0)) {
+    throw std::invalid_argument(
+        "the stiffness of the contact of a curve with itself must be above 0");
+  }
   CheckRoom(instruments, clearance);
   const auto beyond = static_cast<std::ptrdiff_t>(instruments.size());
   const auto any_beyond = [beyond](const std::array<bool, kMostInstruments>& of) {

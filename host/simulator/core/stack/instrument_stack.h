@@ -31,7 +31,8 @@
 
 namespace torquer {
 
-/// Room in lumens for the instruments inside them, and instruments that lie beside others.
+/// Room in lumens for the instruments inside them, instruments that lie beside others, and contact
+/// of an instrument with itself.
 struct Clearance {
   /// Entry k: instruments within the lumen of instrument k have room there; k >= 1.
   std::array<bool, kMostInstruments> has_room = {};
@@ -42,7 +43,10 @@ struct Clearance {
   /// Entry k, of an instrument that lies beside others: path along which it lies when it is
   /// inserted at the start, mm. May be empty.
   std::array<std::vector<Eigen::Vector3d>, kMostInstruments> start_path_mm = {};
-  /// Contact spring between curves, per length of wire, N/mm^2, > 0 if there are several curves.
+  /// True if each curve touches itself where it comes near itself.
+  bool touches_itself = false;
+  /// Contact spring between curves, per length of wire, N/mm^2, > 0 if there are several curves or
+  /// a curve touches itself.
   double stiffness_N_mm2 = 0;
 };
 

@@ -33,19 +33,38 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
   const auto segments = static_cast<std::size_t>(stack.rod().max_segments()) + 1;
   const auto pieces =
       segments * static_cast<std::size_t>(LumenPairs::PiecesPerSegment(points_per_segment));
+  const auto cross = [&](int inner, int outer) {
+    // A wire that fills a cavity faces some six neighbors.
+    constexpr std::size_t kMostFaced = 6;
+    LumenPairs& pairs = AddPairs(inner, outer);
+    pairs.beside = true;
+    pairs.ordered = false;
+    pairs.groups.reserve(kMostFaced * segments);
+    pairs.places.reserve(kMostFaced * pieces);
+  };
   for (int inner = 0; inner < stack.curves(); ++inner) {
     for (int outer = inner + 1; outer < stack.curves(); ++outer) {
-      LumenPairs& pairs = pairs_.emplace_back();
-      pairs.inner = inner;
-      pairs.outer = outer;
-      pairs.beside = stack.AreBeside(inner, outer);
-      pairs.pieces_per_segment = LumenPairs::PiecesPerSegment(points_per_segment);
+      const bool beside = stack.AreBeside(inner, outer);
+      LumenPairs& pairs = AddPairs(inner, outer);
+      pairs.beside = beside;
       pairs.groups.reserve(2 * segments);
       pairs.places.reserve(2 * segments + pieces);
       pairs.spots.reserve(pieces);
+      if (beside) cross(inner, outer);
     }
+    if (stack.clearance().touches_itself) cross(inner, inner);
+  }
+  for (LumenPairs& pairs : pairs_) {
+    pairs.pieces_per_segment = LumenPairs::PiecesPerSegment(points_per_segment);
   }
   left_.resize(pairs_.size());
+}
+
+LumenPairs& CurvePairs::AddPairs(int inner, int outer) {
+  LumenPairs& pairs = pairs_.emplace_back();
+  pairs.inner = inner;
+  pairs.outer = outer;
+  return pairs;
 }
 
 namespace {
@@ -113,7 +132,11 @@ void CurvePairs::Find(const InstrumentStack& stack, const WireState& state, bool
   // curve's tip is.
   for (int inner = curves_ - 1; inner >= 0; --inner) FindInLumens(stack, state, inner);
   for (LumenPairs& pairs : pairs_) {
-    if (pairs.beside) FindBeside(stack, state, pairs);
+    if (!pairs.ordered) {
+      FindCrossing(stack, state, pairs);
+    } else if (pairs.beside) {
+      FindBeside(stack, state, pairs);
+    }
   }
   OrderBeside(stack, state);
 }

@@ -13,6 +13,9 @@
 // curve, seen from outside, is in place of the lumen's wall. The outer one is that of the higher
 // number.
 //
+// Places that face each other head on, and those of a curve that comes near itself, are in pairs of
+// their own (crossing_pairs.cpp), which have no order from sheath to tip.
+//
 // The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
 // the energy of that part is smooth.
 #pragma once
@@ -54,7 +57,16 @@ struct LumenPlace {
   Eigen::Vector2d foot_slope = Eigen::Vector2d::Zero();
   /// Difference of the bulges in the first and second normal of the lumen, mm.
   Eigen::Vector2d lumen_bulge_mm = Eigen::Vector2d::Zero();
+
+  /// Takes the chords as the curves.
+  void ForgetBulges() {
+    bulge_mm.setZero();
+    foot_bulge_mm.setZero();
+    foot_slope.setZero();
+  }
 };
+
+struct BesidePlace;
 
 /// Pair of segments, one of each curve.
 struct SegmentPair {
@@ -64,10 +76,14 @@ struct SegmentPair {
 
 /// Places of two curves.
 struct LumenPairs {
-  int inner = 0;                    ///< number of the inner curve
-  int outer = 0;                    ///< number of the outer curve, above that of the inner one
-  bool beside = false;              ///< the curves lie beside each other, not within
-  std::vector<SegmentPair> groups;  ///< from the sheath; neither index decreases
+  int inner = 0;  ///< number of the inner curve
+  /// Number of the outer curve: above that of the inner one, or the same if the curve touches
+  /// itself.
+  int outer = 0;
+  bool beside = false;  ///< the curves lie beside each other, not within
+  /// Neither index of the groups decreases. False for curves that cross, and have no spots.
+  bool ordered = true;
+  std::vector<SegmentPair> groups;  ///< from the sheath
   /// Contact places, from the sheath. In a lumen each stands in the middle of its piece, and the
   /// last is the edge of the outer curve's mouth, or of the inner curve's tip.
   std::vector<LumenPlace> places;
@@ -103,8 +119,12 @@ class CurvePairs {
     return leaves_mm_[static_cast<std::size_t>(curve * curves_ + lumen)];
   }
   int LumenOf(const InstrumentStack& stack, int curve, double arc_mm) const;
+  bool ShareLumen(const InstrumentStack& stack, const LumenPairs& pairs,
+                  const BesidePlace& place) const;
   void FindInLumens(const InstrumentStack& stack, const WireState& state, int inner);
+  LumenPairs& AddPairs(int inner, int outer);
   void FindBeside(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
+  void FindCrossing(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
   void OrderBeside(const InstrumentStack& stack, const WireState& state);
   void MoveGroup(const InstrumentStack& stack, const WireState& state, const SegmentPair& on,
                  int group, LumenPairs& pairs) const;

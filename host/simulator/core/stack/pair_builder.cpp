@@ -30,7 +30,46 @@ Eigen::Vector2d CurvatureAt(const WireModel& rod, const Curve& curve, int segmen
   return bend_rad > kMostBendRad ? Eigen::Vector2d(kMostBendRad / bend_rad * across) : across;
 }
 
+// Line of a segment.
+struct Line {
+  Vector3d begin;
+  Vector3d along;
+};
+
+Line LineOf(const Curve& curve, int segment) {
+  const auto i = static_cast<std::size_t>(segment);
+  return {curve.nodes()[i], curve.tangents()[i]};
+}
+
+// Place on a piece of the inner line for contact with the outer line: the middle of the piece if
+// the lines run alongside, and the point nearest to the outer line if they cross.
+double ContactMm(const Line& inner, const Line& outer, double middle_mm, double piece_mm) {
+  constexpr double kAlongside = 0.15;  // sines of the angle
+  constexpr double kCrossing = 0.45;
+  const double cosine = inner.along.dot(outer.along);
+  const double squared_sine = 1 - cosine * cosine;
+  const double fraction = std::clamp(
+      (std::sqrt(std::max(0.0, squared_sine)) - kAlongside) / (kCrossing - kAlongside), 0.0, 1.0);
+  if (fraction == 0) return middle_mm;
+  const Vector3d apart = inner.begin + middle_mm * inner.along - outer.begin;
+  const double nearest_mm =
+      (cosine * outer.along.dot(apart) - inner.along.dot(apart)) / squared_sine;
+  return middle_mm + fraction * std::clamp(nearest_mm, -piece_mm / 2, piece_mm / 2);
+}
+
+// Part of a piece around a foot that a curve of a length covers.
+double CoveredFraction(double foot_mm, double length_mm, double piece_mm) {
+  return std::clamp(foot_mm / piece_mm + 0.5, 0.0, 1.0) *
+         std::clamp((length_mm - foot_mm) / piece_mm + 0.5, 0.0, 1.0);
+}
+
 }  // namespace
+
+bool IsHeadOn(const Curve& inner, int segment, const Curve& outer, int outer_segment) {
+  constexpr double kLeastCosine = -0.5;
+  return inner.tangents()[static_cast<std::size_t>(segment)].dot(
+             outer.tangents()[static_cast<std::size_t>(outer_segment)]) < kLeastCosine;
+}
 
 double ArcMm(const WireModel& rod, const Curve& curve, int segment) {
   return segment == 0 ? 0 : curve.first_segment_mm() + (segment - 1) * rod.segment_mm();
@@ -51,12 +90,43 @@ const Eigen::Vector2d& PairBuilder::OuterCurvature(int segment) {
 }
 
 LumenPlace PairBuilder::PlaceAt(int segment, double past_mm, int outer_segment, double weight_mm) {
-  if (out.groups.empty() || out.groups.back().inner != segment ||
-      out.groups.back().outer != outer_segment) {
-    out.groups.push_back({segment, outer_segment});
-  }
   LumenPlace place = Make(segment, past_mm, outer_segment, weight_mm);
-  place.group = static_cast<int>(out.groups.size()) - 1;
+  place.group = GroupOf(segment, outer_segment);
+  return place;
+}
+
+// The group of two segments, which is new unless it is the last, or one of the same inner segment.
+int PairBuilder::GroupOf(int segment, int outer_segment) {
+  int group = static_cast<int>(out.groups.size()) - 1;
+  for (; group >= 0; --group) {
+    const SegmentPair& on = out.groups[static_cast<std::size_t>(group)];
+    if (on.inner == segment && on.outer == outer_segment) return group;
+    if (out.ordered || on.inner != segment) break;
+  }
+  out.groups.push_back({segment, outer_segment});
+  return static_cast<int>(out.groups.size()) - 1;
+}
+
+Vector3d PairBuilder::MiddleOf(int segment, int k) const {
+  const Line line = LineOf(inner, segment);
+  const double piece_mm = inner.SegmentLength(inner_rod, segment) / out.pieces_per_segment;
+  const double middle_mm = (k + 0.5) * piece_mm;
+  return line.begin + middle_mm * line.along;
+}
+
+BesidePlace PairBuilder::FindBeside(int segment, int k, int outer_segment) const {
+  const Line line = LineOf(inner, segment);
+  const Line faced = LineOf(outer, outer_segment);
+  const double piece_mm = inner.SegmentLength(inner_rod, segment) / out.pieces_per_segment;
+  BesidePlace place;
+  place.past_mm = ContactMm(line, faced, (k + 0.5) * piece_mm, piece_mm);
+  const double foot_mm = faced.along.dot(line.begin + place.past_mm * line.along - faced.begin);
+  const double segment_mm = outer.SegmentLength(outer_rod, outer_segment);
+  if (foot_mm < -segment_mm || foot_mm > 2 * segment_mm) return place;
+  place.arc_mm = ArcMm(inner_rod, inner, segment) + place.past_mm;
+  place.foot_arc_mm = ArcMm(outer_rod, outer, outer_segment) + foot_mm;
+  place.covered = CoveredFraction(place.foot_arc_mm, outer.ArcLength(outer_rod), piece_mm);
+  place.weight_mm = place.covered * piece_mm;
   return place;
 }
 
@@ -92,6 +162,7 @@ LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, dou
   place.bulge_mm = -past_mm * (length_mm - past_mm) / 2 * InnerCurvature(segment);
   place.foot_bulge_mm = -foot_on_mm * (outer_mm - foot_on_mm) / 2 * bend;
   place.foot_slope = (foot_on_mm - outer_mm / 2) * bend;
+  if (out.inner == out.outer) place.ForgetBulges();
   return place;
 }
 

@@ -8,8 +8,24 @@
 
 namespace torquer {
 
+/// Distance of the axes, mm, up to which a place of curves beside each other is paired: one part of
+/// the motion covers less.
+inline constexpr double kReachMm = 5;
+
 /// Arc length of the proximal node of a segment, mm.
 double ArcMm(const WireModel& rod, const Curve& curve, int segment);
+
+/// True if two segments face each other head on, so that their curves cannot be in order.
+bool IsHeadOn(const Curve& inner, int segment, const Curve& outer, int outer_segment);
+
+/// Place on a piece of the inner curve, beside the outer curve.
+struct BesidePlace {
+  double past_mm = 0;      ///< past the proximal node of the inner segment
+  double arc_mm = 0;       ///< arc length of the inner curve
+  double foot_arc_mm = 0;  ///< arc length of the outer curve, of the foot
+  double covered = 0;      ///< part of the piece that the outer curve covers; 0 if none faces it
+  double weight_mm = 0;    ///< length of the inner curve that is covered
+};
 
 /// Both curves of a pair, and the pairs to which places are added.
 struct PairBuilder {
@@ -35,6 +51,10 @@ struct PairBuilder {
   void AddTip(int outer_segment);
   /// Adds the mouth, where the inner curve passes it.
   void AddMouth(int segment, double past_mm);
+  /// Middle of piece `k` of a segment of the inner curve.
+  Eigen::Vector3d MiddleOf(int segment, int k) const;
+  /// Finds the place of contact of that piece with the line of an outer segment.
+  BesidePlace FindBeside(int segment, int k, int outer_segment) const;
   /// Adds a place of curves beside each other: on piece `piece` of the inner curve, counted from
   /// the sheath, of which it stands for `weight_mm`.
   void AddBeside(int segment, double past_mm, int outer_segment, double weight_mm, int piece);
@@ -45,6 +65,7 @@ struct PairBuilder {
   const Eigen::Vector2d& InnerCurvature(int segment);
   const Eigen::Vector2d& OuterCurvature(int segment);
   int PieceOf(int segment, double past_mm) const;
+  int GroupOf(int segment, int outer_segment);
   // A place without its group.
   LumenPlace Make(int segment, double past_mm, int outer_segment, double weight_mm);
   LumenPlace PlaceAt(int segment, double past_mm, int outer_segment, double weight_mm);

@@ -57,14 +57,14 @@ std::unique_ptr<Effect> MakeClearance(const ClearanceSpec& /*spec*/,
   return std::make_unique<ClearanceObserver>();
 }
 
-Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instruments,
-                 const WallModel& wall) {
+void GiveRoom(const ClearanceSpec& spec, const std::vector<Instrument>& instruments,
+              const WallModel& wall, Clearance& clearance) {
   if (instruments.size() < 2) {
     spec.origin.Refuse("around",
                        "this scene has one instrument, and clearance needs two; add a second "
                        "[[instrument]], or remove [effects.clearance]");
   }
-  Clearance clearance{.stiffness_N_mm2 = spec.stiffness_N_mm2.value_or(wall.stiffness_N_mm2)};
+  clearance.stiffness_N_mm2 = spec.stiffness_N_mm2.value_or(wall.stiffness_N_mm2);
   if (spec.around.empty()) clearance.has_room[1] = true;
   for (const std::string& name : spec.around) {
     const int outer = FindInstrument(instruments, name, spec, "around");
@@ -78,7 +78,6 @@ Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instr
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     clearance.lumen_radius_mm[k] = instruments[k].inner_radius_mm;
   }
-  return clearance;
 }
 
 }  // namespace
@@ -90,8 +89,8 @@ EffectKind ClearanceKind() {
           .keys = Any(ClearanceKeys()),
           .make = MakeWith(MakeClearance),
           .room = [](const std::any& spec, const std::vector<Instrument>& instruments,
-                     const WallModel& wall) {
-            return RoomOf(std::any_cast<const ClearanceSpec&>(spec), instruments, wall);
+                     const WallModel& wall, Clearance& clearance) {
+            GiveRoom(std::any_cast<const ClearanceSpec&>(spec), instruments, wall, clearance);
           }};
 }
 

@@ -1,0 +1,210 @@
+#include "host/simulator/core/newton/front_schedule.h"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <limits>
+
+#include "host/simulator/core/stack/pair_order.h"
+
+namespace torquer {
+
+using Kind = FrontOperation::Kind;
+
+FrontSchedule::FrontSchedule(int curves, std::size_t segments,
+                             const std::vector<BetweenCurves>& between) {
+  std::size_t operations = segments * static_cast<std::size_t>(curves);
+  of_groups_.resize(between.size());
+  left_.resize(between.size());
+  near_.resize(between.size());
+  std::size_t crossings = 0;
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    const std::size_t groups = between[k].groups.capacity();
+    of_groups_[k].reserve(groups);
+    // A contact that crosses opens and closes a block, or has two ends.
+    operations += between[k].ordered ? groups : 3 * groups;
+    if (between[k].ordered) continue;
+    near_[k].reserve(groups);
+    crossings += groups;
+  }
+  operations_.reserve(operations);
+  of_segments_.resize(static_cast<std::size_t>(curves));
+  crossings_.resize(static_cast<std::size_t>(curves));
+  next_crossing_.resize(static_cast<std::size_t>(curves));
+  for (std::vector<int>& of : of_segments_) of.reserve(segments);
+  for (std::vector<Crossing>& of : crossings_) of.reserve(2 * crossings);
+}
+
+FrontOperation& FrontSchedule::Add(Kind kind, int curve) {
+  FrontOperation& operation = operations_.emplace_back();
+  operation.kind = kind;
+  operation.curve = static_cast<std::int8_t>(curve);
+  operation.open = open_;
+  return operation;
+}
+
+// Finds the cut of each curve beyond which nothing touches it; one curve alone is in the front from
+// its tip on.
+void FrontSchedule::FindCommon(const WireState& state, const QuadraticModel& quadratic) {
+  for (int c = 0; c < state.curves(); ++c) {
+    const int segments = state.curve(c).segments();
+    of_segments_[static_cast<std::size_t>(c)].assign(static_cast<std::size_t>(segments), -1);
+    common_[static_cast<std::size_t>(c)] = state.curves() == 1 ? segments : 0;
+  }
+  const auto reach = [this](int curve, int segment) {
+    int& common = common_[static_cast<std::size_t>(curve)];
+    common = std::max(common, segment + 1);
+  };
+  for (const BetweenCurves& between : quadratic.between) {
+    if (!between.ordered || between.groups.empty()) continue;
+    reach(between.inner, between.groups.back().inner);
+    reach(between.outer, between.groups.back().outer);
+  }
+  for (std::size_t c = 0; c < crossings_.size(); ++c) {
+    if (!crossings_[c].empty()) reach(static_cast<int>(c), crossings_[c].back().segment);
+  }
+}
+
+// Collects the groups of curves that cross. Only those with springs can act.
+void FrontSchedule::FindCrossings(const QuadraticModel& quadratic) {
+  for (std::vector<Crossing>& of : crossings_) of.clear();
+  for (std::size_t k = 0; k < quadratic.between.size(); ++k) {
+    const BetweenCurves& between = quadratic.between[k];
+    if (between.ordered) continue;
+    near_[k].assign(between.groups.size(), 0);
+    for (const BetweenCurves::Spring& spring : between.springs) {
+      near_[k][static_cast<std::size_t>(spring.group)] = 1;
+    }
+    for (std::size_t g = 0; g < between.groups.size(); ++g) {
+      if (near_[k][g] == 0) continue;
+      const SegmentPair& on = between.groups[g];
+      const auto pair = static_cast<int>(k);
+      const auto group = static_cast<int>(g);
+      crossings_[static_cast<std::size_t>(between.inner)].push_back(
+          {on.inner, between.outer, on.outer, pair, group, 0, false});
+      crossings_[static_cast<std::size_t>(between.outer)].push_back(
+          {on.outer, between.inner, on.inner, pair, group, 1, false});
+    }
+  }
+  for (std::size_t c = 0; c < crossings_.size(); ++c) {
+    std::sort(crossings_[c].begin(), crossings_[c].end(), [](const Crossing& a, const Crossing& b) {
+      if (a.segment != b.segment) return a.segment < b.segment;
+      if (a.pair != b.pair) return a.pair < b.pair;
+      return a.group != b.group ? a.group < b.group : a.side < b.side;
+    });
+    next_crossing_[c] = static_cast<int>(crossings_[c].size());
+  }
+}
+
+// Block that stands for a segment; a free one if none does yet, or -1.
+int FrontSchedule::BlockOf(int curve, int segment) {
+  int free = -1;
+  for (int b = kMostOpenBlocks - 1; b >= 0; --b) {
+    if ((open_ >> b & 1) == 0) {
+      free = b;
+      continue;
+    }
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    if (block.curve == curve && block.segment == segment) return b;
+  }
+  if (free < 0) return -1;
+  blocks_[static_cast<std::size_t>(free)] = {curve, segment};
+  Add(Kind::kOpen, curve).block = free;
+  open_ |= std::uint64_t{1} << free;
+  return free;
+}
+
+void FrontSchedule::CloseBlock(int curve, int segment) {
+  for (int b = 0; b < kMostOpenBlocks; ++b) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    if ((open_ >> b & 1) == 0 || block.curve != curve || block.segment != segment) continue;
+    open_ &= ~(std::uint64_t{1} << b);
+    Add(Kind::kClose, curve).block = b;
+    return;
+  }
+}
+
+// Marks the other end of a contact whose ends act alone.
+void FrontSchedule::Divide(const Crossing& crossing) {
+  for (Crossing& other : crossings_[static_cast<std::size_t>(crossing.other_curve)]) {
+    if (other.pair == crossing.pair && other.group == crossing.group &&
+        other.side != crossing.side) {
+      other.ends = true;
+    }
+  }
+}
+
+// Adds the contacts that cross at a segment which its curve is about to advance over.
+void FrontSchedule::Cross(int curve, int segment) {
+  const auto c = static_cast<std::size_t>(curve);
+  CloseBlock(curve, segment);
+  for (int& k = next_crossing_[c]; k > 0; --k) {
+    const Crossing& crossing = crossings_[c][static_cast<std::size_t>(k) - 1];
+    if (crossing.segment != segment) return;
+    if (!crossing.ends && IsPassed(crossing.other_curve, crossing.other_segment)) continue;
+    const int block = crossing.ends ? -1 : BlockOf(crossing.other_curve, crossing.other_segment);
+    FrontOperation& operation = Add(block < 0 ? Kind::kEnd : Kind::kWait, curve);
+    operation.side = crossing.side;
+    operation.pair = crossing.pair;
+    operation.index = crossing.group;
+    operation.block = block;
+    int& of_group = of_groups_[static_cast<std::size_t>(crossing.pair)]
+                              [static_cast<std::size_t>(crossing.group)];
+    of_group = std::min(of_group, static_cast<int>(operations_.size()) - 1);
+    if (block < 0 && !crossing.ends) Divide(crossing);
+  }
+}
+
+void FrontSchedule::AdvanceTo(int curve, int cut) {
+  const auto c = static_cast<std::size_t>(curve);
+  while (cuts_[c] > cut) {
+    const int segment = cuts_[c] - 1;
+    if (!crossings_[c].empty()) Cross(curve, segment);
+    of_segments_[c][static_cast<std::size_t>(segment)] = static_cast<int>(operations_.size());
+    FrontOperation& operation = Add(Kind::kAdvance, curve);
+    operation.index = segment;
+    operation.gains_at = gains_;
+    if (open_ != 0) {
+      gains_ += static_cast<std::size_t>(5 * controls_[c] * std::popcount(open_));
+    }
+    --cuts_[c];
+  }
+}
+
+void FrontSchedule::Make(const WireState& state, const QuadraticModel& quadratic,
+                         const std::array<int, kMostInstruments>& controls) {
+  operations_.clear();
+  controls_ = controls;
+  open_ = gains_ = 0;
+  const std::vector<BetweenCurves>& between = quadratic.between;
+  FindCrossings(quadratic);
+  FindCommon(state, quadratic);
+  cuts_ = common_;
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    of_groups_[k].assign(between[k].groups.size(), std::numeric_limits<int>::max());
+    left_[k] = between[k].ordered ? static_cast<int>(between[k].groups.size()) : 0;
+  }
+  for (std::size_t k = NextPair(between, left_); k < between.size(); k = NextPair(between, left_)) {
+    const auto group = static_cast<std::size_t>(--left_[k]);
+    const SegmentPair& pair = between[k].groups[group];
+    assert(cuts_[static_cast<std::size_t>(between[k].inner)] > pair.inner &&
+           cuts_[static_cast<std::size_t>(between[k].outer)] > pair.outer);
+    AdvanceTo(between[k].inner, pair.inner + 1);
+    AdvanceTo(between[k].outer, pair.outer + 1);
+    of_groups_[k][group] = static_cast<int>(operations_.size());
+    FrontOperation& operation = Add(Kind::kTouch, -1);
+    operation.pair = static_cast<int>(k);
+    operation.index = left_[k];
+  }
+  for (int c = 0; c < state.curves(); ++c) AdvanceTo(c, 0);
+  assert(open_ == 0);
+  // Groups of curves that cross come in any order.
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    if (between[k].ordered) continue;
+    for (std::size_t g = 1; g < of_groups_[k].size(); ++g) {
+      of_groups_[k][g] = std::min(of_groups_[k][g], of_groups_[k][g - 1]);
+    }
+  }
+}
+
+}  // namespace torquer

@@ -1,0 +1,74 @@
+// Pairs of curves that cross: those beside each other where they face each other head on, and those
+// of a curve with itself.
+//
+// A place may face several segments, in any order: each turn of a wire that is wound up faces the
+// turns around it.
+#include "host/simulator/core/stack/lumen_pairs.h"
+#include "host/simulator/core/stack/pair_builder.h"
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+namespace {
+
+// Segments from a segment of a curve to the first one that can touch it.
+constexpr int kApart = 3;
+
+// True if a point faces a segment: beyond the plane of the proximal node, before that of the distal
+// one. There the distance to the curve is least.
+bool Faces(const Curve& curve, const Vector3d& point, int segment) {
+  const auto m = static_cast<std::size_t>(segment);
+  const std::vector<Vector3d>& tangents = curve.tangents();
+  const Vector3d before = m == 0 ? tangents[0] : Vector3d(tangents[m - 1] + tangents[m]);
+  if ((point - curve.nodes()[m]).dot(before) < 0) return false;
+  if (segment + 1 == curve.segments()) return true;  // its end limits the place
+  return (point - curve.nodes()[m + 1]).dot(tangents[m] + tangents[m + 1]) < 0;
+}
+
+// Calls take(m) for each segment of a curve, `from` or one beyond it, that faces a point within
+// reach.
+template <class Take>
+void ForEachFacing(const WireModel& rod, const Curve& curve, const Vector3d& point, int from,
+                   Take take) {
+  const double longest_mm = 1.5 * rod.segment_mm();
+  for (int m = from; m < curve.segments(); ++m) {
+    const Vector3d apart = point - curve.nodes()[static_cast<std::size_t>(m)];
+    const double beyond_reach_mm = apart.norm() - kReachMm;
+    if (beyond_reach_mm > longest_mm) {
+      // No point of the skipped segments can be within reach.
+      m += static_cast<int>(beyond_reach_mm / longest_mm) - 1;
+      continue;
+    }
+    if (Faces(curve, point, m)) take(m);
+  }
+}
+
+}  // namespace
+
+void CurvePairs::FindCrossing(const InstrumentStack& stack, const WireState& state,
+                              LumenPairs& out) const {
+  const Curve& inner = state.curve(out.inner);
+  const Curve& outer = state.curve(out.outer);
+  PairBuilder add{
+      stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer), inner, outer, false, out};
+  const bool itself = out.inner == out.outer;
+  for (int i = 0; i < inner.segments(); ++i) {
+    for (int k = 0; k < out.pieces_per_segment; ++k) {
+      const int from = itself ? i + kApart : 0;
+      ForEachFacing(add.outer_rod, outer, add.MiddleOf(i, k), from, [&](int m) {
+        if (!itself && !IsHeadOn(inner, i, outer, m)) return;
+        const BesidePlace place = add.FindBeside(i, k, m);
+        if (place.covered == 0 || !ShareLumen(stack, out, place)) return;
+        // No heap: a wire wound tighter than that keeps the first of its contacts.
+        if (out.places.size() == out.places.capacity() ||
+            out.groups.size() == out.groups.capacity()) {
+          return;
+        }
+        add.AddBeside(i, place.past_mm, m, place.weight_mm, i * out.pieces_per_segment + k);
+      });
+    }
+  }
+}
+
+}  // namespace torquer
