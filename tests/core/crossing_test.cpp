@@ -46,7 +46,7 @@ struct Coil : DenseCurves {
     double ratio = 0;  // GJ over EI; 0 means no twist
     double curvature = 0;
     double segment_mm = 1.3;
-    double turns = 1.8;
+    double turns = 1.5;
   };
   static std::vector<WireModel> Wires(const Settings& s) {
     const Sheath sheath{Vector3d(3, 0, 0), Vector3d(0, 1, 0.02).normalized()};
@@ -75,9 +75,9 @@ struct Coil : DenseCurves {
 TEST_CASE("The sweep of a wire that touches itself solves the dense Newton system") {
   const auto settings = GENERATE(Coil::Settings{}, Coil::Settings{.curvature = 0.1},
                                  Coil::Settings{.ratio = 0.7, .curvature = 0.1},
-                                 Coil::Settings{.instruments = 2, .ratio = 0.7, .turns = 1.9},
+                                 Coil::Settings{.instruments = 2, .ratio = 0.7, .turns = 1.5},
                                  Coil::Settings{.instruments = 2, .curvature = 0.1});
-  if (kUnderSanitizer && settings.ratio == 0) return;
+  if (kUnderSanitizer && (settings.ratio == 0 || settings.instruments > 1)) return;
   unsigned seed = 3;
   while (!Coil(settings, seed).IsFarFromKinks()) ++seed;
   Coil coil(settings, seed);

@@ -14,11 +14,11 @@
 namespace torquer::test {
 namespace {
 
-constexpr double kLoopRigidity = 0.05;   // N mm^2
-constexpr double kLoopWireMm = 0.2;  // radius
+constexpr double kLoopRigidity = 0.05;  // N mm^2
+constexpr double kLoopWireMm = 0.2;     // radius
 
 // A wire that rests as a loop of somewhat more than one turn. A force on its tip holds it on one
-// side of its own shaft while it is fed, and then presses it on the shaft.
+// side of its shaft while it is fed, and then presses it on the shaft.
 struct Loop {
   InstrumentStack stack;
   FreeSpace field;
@@ -29,8 +29,9 @@ struct Loop {
   WireState state;
 
   static WireModel Wire(double torsional_ratio, double segment_mm, const Sheath& sheath) {
-    return WireModel(segment_mm, {{0, kLoopRigidity, kLoopWireMm, 0.1, 0, torsional_ratio * kLoopRigidity}},
-                     0, 90, BendingLaw::kExact, sheath);
+    return WireModel(segment_mm,
+                     {{0, kLoopRigidity, kLoopWireMm, 0.1, 0, torsional_ratio * kLoopRigidity}}, 0,
+                     90, BendingLaw::kExact, sheath);
   }
   Loop(double torsional_ratio, double segment_mm, const Vector3d& force_N,
        const Eigen::Matrix3d& turn = Eigen::Matrix3d::Identity(), bool touches = true)
