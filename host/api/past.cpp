@@ -31,7 +31,7 @@ class Reader {
   Number Take() {
     if (bytes_.size() < sizeof(Number)) Refuse();
     Number value;
-    std::memcpy(&value, bytes_.data(), sizeof(Number));
+    std::copy_n(bytes_.begin(), sizeof(Number), reinterpret_cast<char*>(&value));
     bytes_.remove_prefix(sizeof(Number));
     return value;
   }

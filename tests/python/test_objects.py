@@ -136,3 +136,11 @@ def test_points_are_where_the_picture_shows_them():
     assert np.isnan(simulation.places_in_picture([[0, 0, 1e6], [0, 1e6, 0], [1e6, 0, 0], [0, 0, -1e6], [0, -1e6, 0], [-1e6, 0, 0]])).any()
     with pytest.raises(torquer.Error, match="plane 2 does not exist; give 0 to 1"):
         simulation.places_in_picture([[0, 0, 0]], 2)
+
+
+def test_the_citation_is_of_this_version():
+    file = pathlib.Path(__file__).parents[2] / "CITATION.cff"
+    cited = dict(line.partition(": ")[::2] for line in file.read_text().splitlines() if line[:1].isalpha())
+    assert cited["version"] == torquer.__version__ and cited["license"] == "Apache-2.0"
+    # The fields that the format requires.
+    assert cited["cff-version"] == "1.2.0" and cited["message"] and cited["title"] == "Torquer" and "authors:" in cited

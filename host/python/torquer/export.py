@@ -363,3 +363,16 @@ def to_meshio(state: State) -> Any:
     cells = [("line", np.column_stack([index, index + 1]))]
     data = {name: np.concatenate([values[name] for _, _, values in lines]) for name in state.point_data}
     return meshio.Mesh(np.concatenate([nodes for _, nodes, _ in lines]), cells, point_data=data)
+
+
+def to_vtk(state: State) -> Any:
+    """A state as a vtkPolyData of polylines, which pyvista.wrap() takes. Needs Debian's python3-vtk9."""
+    try:
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader  # type: ignore[import]
+    except ImportError:
+        raise Error("vtkmodules is missing; install the package python3-vtk9") from None
+    reader = vtkXMLPolyDataReader()
+    reader.ReadFromInputStringOn()
+    reader.SetInputString(_vtp(state))
+    reader.Update()
+    return reader.GetOutput()
