@@ -8,7 +8,30 @@
 #include "host/emulator/pmw3360_data.h"
 
 namespace torquer::emulator {
-using namespace pmw3360_data;
+namespace {
+
+using pmw3360_data::kProductId, pmw3360_data::kMotion, pmw3360_data::kDeltaXLow,
+    pmw3360_data::kDeltaYHigh, pmw3360_data::kSurfaceQuality, pmw3360_data::kRawDataSum,
+    pmw3360_data::kMaximumRawData, pmw3360_data::kMinimumRawData, pmw3360_data::kShutterLower,
+    pmw3360_data::kShutterUpper, pmw3360_data::kConfig2, pmw3360_data::kFrameCapture,
+    pmw3360_data::kSromEnable, pmw3360_data::kRunDownshift, pmw3360_data::kRest1Rate,
+    pmw3360_data::kRest1Downshift, pmw3360_data::kRest2Rate, pmw3360_data::kRest2Downshift,
+    pmw3360_data::kRest3Rate, pmw3360_data::kObservation, pmw3360_data::kSromId,
+    pmw3360_data::kPowerUpReset, pmw3360_data::kShutdown, pmw3360_data::kMotionBurst,
+    pmw3360_data::kSromLoadBurst, pmw3360_data::kRawDataBurst, pmw3360_data::kResetValues,
+    pmw3360_data::kReadOnly, pmw3360_data::kResetKey, pmw3360_data::kShutdownKey,
+    pmw3360_data::kRestEnable, pmw3360_data::kReservedConfig2, pmw3360_data::kSromPrepare,
+    pmw3360_data::kSromStart, pmw3360_data::kCaptureFirst, pmw3360_data::kCaptureSecond,
+    pmw3360_data::kForeignId, pmw3360_data::kResolutionLow, pmw3360_data::kResolutionHigh,
+    pmw3360_data::kPmw3389Values, pmw3360_data::kSromRun, pmw3360_data::kFrameBits,
+    pmw3360_data::kSelectToClock, pmw3360_data::kAddressToData, pmw3360_data::kAddressToBurst,
+    pmw3360_data::kClockToDeselectRead, pmw3360_data::kClockToDeselectWrite,
+    pmw3360_data::kAfterWrite, pmw3360_data::kAfterRead, pmw3360_data::kBurstExit,
+    pmw3360_data::kRawDataExit, pmw3360_data::kLongBurstByte, pmw3360_data::kStartUp,
+    pmw3360_data::kSromPrepareWait, pmw3360_data::kCaptureWait, pmw3360_data::kCaptureAfterReset,
+    pmw3360_data::kMaxClockHz, pmw3360_data::kSromBytes, pmw3360_data::kMillisecond_us;
+
+}  // namespace
 
 VirtualPmw3360::VirtualPmw3360(const SensorImperfections& imperfections, std::uint32_t seed)
     : imperfections_(imperfections),
