@@ -63,8 +63,9 @@ enum WireStatus : std::int32_t {
   kWireOutsideLumen = 1 << 2,  ///< the center of an instrument is beyond the wall
   kWireSnapped = 1 << 3,       ///< the tip moved much farther than the action explains
   kWireInputRefused = 1 << 4,  ///< a command was not finite or out of range; the last one stands
-  kWireInDoubt = 1 << 5,  ///< a command carries lift, fault or no device, or none comes any more
-  kWireStalled = 1 << 6,  ///< out of balance, and no step that was tried came nearer to it
+  kWireInDoubt = 1 << 5,    ///< a command carries lift, fault or no device, or none comes any more
+  kWireStalled = 1 << 6,    ///< out of balance, and no step that was tried came nearer to it
+  kWireLeftModel = 1 << 7,  ///< an instrument is held at an outlet, where the vessel's model ends
 };
 
 }  // namespace torquer::protocol

@@ -252,7 +252,7 @@ std::string PageFigures::Share(std::int64_t ticks) const {
 
 std::vector<PageRow> PageFigures::Solver() const {
   const SolverHealth& solver = report_.solver;
-  return {
+  std::vector<PageRow> rows = {
       {"Simulated", fmt::format("{} ticks", solver.ticks)},
       {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
       {"&#x2003;because the time budget was spent", Share(solver.budget_spent)},
@@ -265,6 +265,12 @@ std::vector<PageRow> PageFigures::Solver() const {
       {"Time for a tick",
        fmt::format("{} &#xb5;s median, {} &#xb5;s 99th percentile", ValueText(report_.solve_us.p50),
                    ValueText(report_.solve_us.p99))}};
+  // Scenes without the effect do not look for it.
+  if (const auto events = Reading("left_model_events")) {
+    rows.push_back({"Left the model at an outlet, and was held there",
+                    TimesText(*events) + ", " + Share(solver.left_model)});
+  }
+  return rows;
 }
 
 std::vector<PageRow> PageFigures::Device() const {

@@ -134,6 +134,7 @@ void SessionCourse::CountTick(const torquer_lcm::wire_state_t& state) {
   solver_.budget_spent += !converged && has(protocol::kWireBudgetSpent) ? 1 : 0;
   solver_.stalled += !converged && has(protocol::kWireStalled) ? 1 : 0;
   solver_.outside += has(protocol::kWireOutsideLumen) ? 1 : 0;
+  solver_.left_model += has(protocol::kWireLeftModel) ? 1 : 0;
   solver_.snapped += has(protocol::kWireSnapped) ? 1 : 0;
   solver_.in_doubt += has(protocol::kWireInDoubt) ? 1 : 0;
   if (converged && std::isfinite(state.residual)) {

@@ -36,6 +36,7 @@ struct SolverHealth {
   std::int64_t budget_spent = 0;           ///< of these: the time budget was spent
   std::int64_t stalled = 0;                ///< of these: no step reduced the residual
   std::int64_t outside = 0;                ///< a node's center was beyond the wall
+  std::int64_t left_model = 0;             ///< an instrument was held at an outlet
   std::int64_t snapped = 0;                ///< the tip snapped
   std::int64_t in_doubt = 0;               ///< sensor lifted, device or commands missing
   std::optional<double> largest_residual;  ///< of ticks that converged; dimensionless

@@ -21,6 +21,27 @@ bool LeavesLumen(const PointSet& points) {
   return false;
 }
 
+// The rest of a tick's budget after the parts before.
+class RestOfBudget final : public WorkBudget {
+ public:
+  RestOfBudget(WorkBudget& whole, int done) : whole_(whole), done_(done) {}
+  bool Allows(int done) override { return whole_.Allows(done_ + done); }
+
+ private:
+  WorkBudget& whole_;
+  const int done_;
+};
+
+// Adds the report of a part of a tick to that of the parts before.
+void AddPart(TickReport part, TickReport& sum) {
+  part.actions += sum.actions;
+  part.work += sum.work;
+  part.iterations += sum.iterations;
+  part.updates += sum.updates;
+  part.snapped = part.snapped || sum.snapped;
+  sum = part;
+}
+
 // Position in a message.
 std::vector<float> Rounded(const Eigen::Vector3d& x) {
   return {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])};
@@ -84,6 +105,7 @@ void Simulation::FindRoles() {
       if (observer->AlongWire() != nullptr) along_wire_ = observer;
     }
     if (effects::ImageSource* image = effect.image()) images_.push_back({image, k});
+    if (effects::MotionLimit* limit = effect.limit()) limit_ = limit;
   }
   pictures_due_.resize(images_.size());
   is_time_dependent_ = scene_.moving_field() != nullptr || !timed_.empty() ||
@@ -157,9 +179,24 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
 void Simulation::Relax(WorkBudget& budget) {
   if (prices_ != nullptr) prices_->BeginTick();
   if (prices_ == nullptr || !prices_->measures()) {
-    report_ = relaxation_->Tick(target_, budget, state_);
+    report_ = RelaxToTarget(budget);
   } else {
-    report_ = prices_->MeasureSolver([&] { return relaxation_->Tick(target_, budget, state_); });
+    report_ = prices_->MeasureSolver([&] { return RelaxToTarget(budget); });
+  }
+}
+
+// With a limit, the motion of a tick has parts, so that an instrument stops where it must.
+TickReport Simulation::RelaxToTarget(WorkBudget& budget) {
+  if (limit_ == nullptr) return relaxation_->Tick(target_, budget, state_);
+  TickReport sum;
+  while (true) {
+    InstrumentPoses part = target_;
+    const bool is_left = limit_->Limit(state_, part);
+    const InstrumentPoses before = state_.poses();
+    RestOfBudget rest(budget, sum.work);
+    AddPart(relaxation_->Tick(part, rest, state_), sum);
+    limit_->Look(state_);
+    if (!is_left || sum.budget_spent || state_.poses() == before) return sum;
   }
 }
 
@@ -215,6 +252,9 @@ void Simulation::Observe() {
       std::any_of(current.around.begin(), current.around.end(),
                   [](const CurveQuadraticModel& curve) { return LeavesLumen(curve.points); });
   status_ |= StatusBits(report_, outside_lumen);
+  if (limit_ == nullptr) return;
+  hash_ = limit_->Hash(hash_);
+  if (limit_->left_model()) status_ |= protocol::kWireLeftModel;
 }
 
 void Simulation::Describe(torquer_lcm::wire_state_t& out) const {

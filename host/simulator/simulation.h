@@ -139,6 +139,7 @@ class Simulation {
   void DescribePast(torquer_lcm::wire_state_t& out) const;
   void Observe();
   void Relax(WorkBudget& budget);
+  TickReport RelaxToTarget(WorkBudget& budget);
   void RunEffects(double step_s, const effects::Controls& controls);
 
   scene::Scene& scene_;
@@ -150,6 +151,7 @@ class Simulation {
   const effects::Observer* along_wire_ = nullptr;
   std::vector<EffectRole<effects::ImageSource>> images_;
   std::vector<bool> pictures_due_;
+  effects::MotionLimit* limit_ = nullptr;
   bool is_time_dependent_ = false;
   WireState state_;
   TickReport report_;

@@ -126,6 +126,7 @@ radius_mm = 80
 )"},
       {"wall_force", "[effects.wall_force]\nthreshold_mN = 0.5\n"},
       {"internal_forces", "[effects.internal_forces]\n"},
+      {"outlets", "[effects.outlets]\n"},
       {"assessment", R"([effects.assessment]
 target_centerline = "main"
 target_at_mm = 280

@@ -19,9 +19,10 @@ constexpr double kLongestLatencyUs = 60e6;
 // Limit of a count from a message, so that sums cannot overflow.
 constexpr std::int64_t kMostLost = 1'000'000'000'000;
 
-constexpr std::array<std::pair<std::int32_t, const char*>, 6> kStatusWords = {{
+constexpr std::array<std::pair<std::int32_t, const char*>, 7> kStatusWords = {{
     {protocol::kWireBudgetSpent, "out of time"},
     {protocol::kWireOutsideLumen, "outside the lumen"},
+    {protocol::kWireLeftModel, "left the model"},
     {protocol::kWireStalled, "stalled"},
     {protocol::kWireSnapped, "snapped"},
     {protocol::kWireInputRefused, "input refused"},
@@ -185,6 +186,10 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
         fmt::format("wall force: event {:.0f}: above the threshold at {:.2f} s, {:.3g} mN so far",
                     readings_["wall_force_events"], readings_["wall_force_event_s"],
                     readings_["wall_force_event_mN"]);
+  }
+  if (grown("left_model_events")) {
+    news += fmt::format("{}outlets: an instrument left the model at {:.2f} s",
+                        news.empty() ? "" : "; ", readings_["left_model_event_s"]);
   }
   if (grown("target_reached")) {
     news += fmt::format("{}assessment: target reached at {:.2f} s", news.empty() ? "" : "; ",

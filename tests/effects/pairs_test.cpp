@@ -52,6 +52,7 @@ const std::vector<Named>& All() {
        "[[effects.breathing.region]]\ncenter_mm = [80, 0, 0]\nradius_mm = 80\n"},
       {"wall_force", "[effects.wall_force]\nthreshold_mN = 0.5\n"},
       {"internal_forces", "[effects.internal_forces]\n"},
+      {"outlets", "[effects.outlets]\n"},
       {"assessment",
        "[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 200\n"
        "force_limit_mN = 1\n",

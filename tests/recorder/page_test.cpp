@@ -135,6 +135,18 @@ TEST_CASE("The verdict follows the readings") {
   CHECK_THAT(page, !Catch::Contains("dashed: target reached"));
 }
 
+TEST_CASE("An instrument that left the model stands among the figures of a scene with outlets") {
+  SessionReport report = Report(true);
+  const std::string title = "Left the model at an outlet, and was held there";
+  CHECK_THAT(FormatPage(report, Parts()), !Catch::Contains(title));
+  report.readings.names.emplace_back("left_model_events");
+  report.readings.values.push_back(2);
+  report.readings.count = static_cast<std::int32_t>(report.readings.names.size());
+  report.solver.ticks = 40;
+  report.solver.left_model = 10;
+  CHECK_THAT(FormatPage(report, Parts()), Row(title, "2 times, 10 ticks (25.0 %)"));
+}
+
 TEST_CASE("A result that is not known is no result, and no figure of it is 0") {
   const double unknown = std::numeric_limits<double>::quiet_NaN();
   SessionReport report = Report(true);

@@ -96,6 +96,19 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
   CHECK(status.Add(readings).empty());
 }
 
+TEST_CASE("An instrument that leaves the model is news, and stands in the line") {
+  tools::LiveStatus status(7);
+  torquer_lcm::readings_t readings{};
+  readings.names = {"left_model_mm", "left_model_events", "left_model_event_s"};
+  readings.values = {0, 0, -1};
+  CHECK(status.Add(readings).empty());
+  readings.values = {3, 1, 4.25};
+  CHECK(status.Add(readings) == "outlets: an instrument left the model at 4.25 s");
+  CHECK(status.Add(readings).empty());
+  CHECK(tools::StatusWords(protocol::kWireConverged | protocol::kWireLeftModel) ==
+        "left the model");
+}
+
 TEST_CASE("Nothing on the bus is said so") {
   tools::LiveStatus status(7);
   CHECK(status.Line(1, kNowUs) ==

@@ -29,6 +29,7 @@
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/moving_field.h"
 #include "host/simulator/vessel/patient_axes.h"
+#include "host/simulator/vessel/vessel.h"
 #include "host/support/key_table.h"
 
 namespace torquer::effects {
@@ -68,6 +69,7 @@ struct EffectContext {
   const vessel::MovingField* moving = nullptr;  ///< the moving vessel; null for a vessel at rest
   std::vector<Instrument> instruments = {};     ///< the innermost first
   const InstrumentStack* stack = nullptr;       ///< the stack of `instruments`
+  const vessel::Vessel* vessel = nullptr;       ///< the vessel at rest, with its surface
 
   /// Index of the instrument with a name. Throws UserError for `key` of the table if no instrument
   /// has it.
@@ -147,6 +149,21 @@ class Observer {
   virtual const std::array<HandForce, kMostInstruments>* AtHands() const { return nullptr; }
 };
 
+/// Role *limit*: bounds the motion of a tick, so that an instrument stops at a place that the
+/// relaxation does not know. Look is called after each part of the motion.
+class MotionLimit {
+ public:
+  virtual ~MotionLimit() = default;
+  /// Limits the targets of the next part of a tick. Returns true if motion is left after it.
+  virtual bool Limit(const WireState& state, InstrumentPoses& target) const = 0;
+  /// Reads the state after a part.
+  virtual void Look(const WireState& state) = 0;
+  /// True if an instrument has left the model of the vessel, and is held.
+  virtual bool left_model() const = 0;
+  /// Mixes the memory that changes the motion into a hash.
+  virtual std::uint64_t Hash(std::uint64_t seed) const = 0;
+};
+
 /// Role *image*: renders pictures, in its own thread if there is one.
 class ImageSource {
  public:
@@ -181,6 +198,7 @@ class Effect {
   virtual Evolution* evolution() { return nullptr; }
   virtual Observer* observer() { return nullptr; }
   virtual ImageSource* image() { return nullptr; }
+  virtual MotionLimit* limit() { return nullptr; }
 
   /// Clears the effect's memory, as at the start. Energy terms have their own Reset.
   virtual void Restart() {}

@@ -18,6 +18,7 @@
 #include "host/simulator/effects/motion/heartbeat.h"
 #include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/effects/observers/internal_forces.h"
+#include "host/simulator/effects/observers/outlets.h"
 #include "host/simulator/effects/observers/wall_force.h"
 
 namespace torquer::effects {
@@ -27,7 +28,7 @@ const std::vector<EffectKind>& AllEffects() {
       TorsionKind(),    ClearanceKind(),   SelfContactKind(),     HeartbeatKind(),  BreathingKind(),
       ComplianceKind(), FrictionKind(),    FrictionBetweenKind(), GravityKind(),    InertiaKind(),
       PointLoadKind(),  WallForceKind(),   InternalForcesKind(),  AssessmentKind(), FlowKind(),
-      ContrastKind(),   FluoroscopyKind(), LateralPlaneKind(),
+      ContrastKind(),   FluoroscopyKind(), LateralPlaneKind(),    OutletsKind(),
   };
   return kinds;
 }

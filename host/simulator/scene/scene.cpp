@@ -248,7 +248,8 @@ void Scene::MakeEffect(const EffectSpec& spec) {
                                            .earlier = &effects_,
                                            .moving = moving_.get(),
                                            .instruments = instruments_,
-                                           .stack = stack_.get()}));
+                                           .stack = stack_.get(),
+                                           .vessel = &vessel_}));
   names_of_effects_.push_back(kind.name);
   effects::Effect& effect = *effects_.back();
   EnergyTerm* const term = effect.energy_term();

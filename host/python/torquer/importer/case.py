@@ -152,6 +152,9 @@ direction = {_list(entry.direction, 4)}
 [effects.friction]
 coefficient = 0.08
 
+# A wire that reaches the end of the vessel leaves the model there.
+[effects.outlets]
+
 # Outlets by Murray's law at all free ends but the inlet.
 [effects.flow]
 inlet = "{curves[0].name}"

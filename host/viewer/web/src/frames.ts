@@ -8,6 +8,7 @@ export const STATUS = {
   inputRefused: 16,
   inDoubt: 32,
   stalled: 64,
+  leftModel: 128,
 } as const;
 
 export interface InstrumentState {

@@ -18,6 +18,7 @@ const FIGURES = {
 } satisfies Record<string, Figure>;
 const STATUS_WORDS: [number, string][] = [
   [STATUS.outsideLumen, "outside the lumen"],
+  [STATUS.leftModel, "left the model"],
   [STATUS.stalled, "stalled"],
   [STATUS.inputRefused, "command refused"],
   [STATUS.budgetSpent, "behind the hand"],
