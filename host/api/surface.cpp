@@ -56,7 +56,7 @@ Surface Surface::FromTriangles(const std::vector<Point>& points,
     if (!point.allFinite()) {
       throw Error(fmt::format("{}: point {} is not finite; repair the surface", name, k));
     }
-    mesh.vertices_mm.push_back(vessel::UnitOf(unit).mm * point);
+    mesh.vertices_mm.emplace_back(vessel::UnitOf(unit).mm * point);
   }
   const auto count = static_cast<std::int64_t>(points.size());
   for (std::size_t k = 0; k < triangles.size(); ++k) {
