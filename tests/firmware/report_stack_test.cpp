@@ -48,7 +48,7 @@ class ReportStack final : public UsbStack {
   LongReportHandler& long_reports_;
 };
 
-/// Sensor with an id of its own; each reading is the next of `motion`.
+/// Sensor with another id; each reading is the next of `motion`.
 class OtherSensor final : public MotionSensor {
  public:
   void Start(uint16_t cpi) override { cpi_ = cpi; }
