@@ -184,13 +184,15 @@ def row_of(truth: Truth, true: Vessel, wall: Points, voxel_mm: float, folder: pa
     tips = np.array([np.linalg.norm(a.tip - b.tip) for a, b in zip(ours, theirs)])
     wires = np.concatenate([np.linalg.norm(a.wire - b.wire, axis=1) for a, b in zip(ours, theirs)])
     angle = np.degrees(np.arccos(np.clip(entry.direction @ same.direction, -1, 1)))
-    print(f"{truth.scene.name} {voxel_mm:g}: {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
-    return (
+    row = (
         f"| {truth.scene.name} | {voxel_mm:g} | {_percentiles(truth.depth_mm(points))} | {_percentiles(scene.clearance_mm(wall))} "
         f"| {np.median(bias):+.2f}, {np.percentile(np.abs(bias), 95):.2f} | {found} of {len(true.curves)}, {false} false "
         f"| {np.linalg.norm(entry.point_mm - same.point_mm):.1f} mm, {angle:.0f} deg | {wires.mean():.2f}, {tips.mean():.2f} "
         f"| {alike} of {len(tips)} |"
     )
+    # The table comes at the end; a run that is stopped shows the rows so far.
+    print(f"{row} {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+    return row
 
 
 HEAD = (
