@@ -29,9 +29,11 @@ struct Nearest {
   double distance_mm = 1e9;
   double arc_mm = 0;
   std::size_t segment = 0;
+  bool is_begin = false;  // the beginning of the first segment that was searched
 };
 
-Nearest NearestOn(const Curve& curve, const Vector3d& point) {
+// Nearest point of the segments from number `from` on.
+Nearest NearestOn(const Curve& curve, const Vector3d& point, std::size_t from = 0) {
   Nearest nearest;
   double arc_mm = 0;
   for (std::size_t i = 0; i + 1 < curve.nodes().size(); ++i) {
@@ -39,7 +41,9 @@ Nearest NearestOn(const Curve& curve, const Vector3d& point) {
     const double along =
         std::clamp((point - curve.nodes()[i]).dot(leg) / leg.squaredNorm(), 0.0, 1.0);
     const double distance_mm = (point - curve.nodes()[i] - along * leg).norm();
-    if (distance_mm < nearest.distance_mm) nearest = {distance_mm, arc_mm + along * leg.norm(), i};
+    if (i >= from && distance_mm < nearest.distance_mm) {
+      nearest = {distance_mm, arc_mm + along * leg.norm(), i, i == from && along == 0};
+    }
     arc_mm += leg.norm();
   }
   return nearest;
@@ -197,6 +201,7 @@ class SceneRun {
     double least_mJ = 0;
     bends_sharply_ = false;
     for (int c = 0; c < state.curves(); ++c) {
+      if (scene_.stack().clearance().touches_itself) least_mJ += EnergyBeside(c, c);
       for (int outer = c + 1; outer < state.curves(); ++outer) {
         const bool beside = scene_.stack().AreBeside(c, outer);
         if (state.curve(outer).segments() == 0) continue;
@@ -242,7 +247,9 @@ class SceneRun {
     return scene_.stack().clearance().stiffness_N_mm2 * length_mm * overlap_mm * overlap_mm / 2;
   }
 
+  // `o`: another curve, or the same one, which touches itself.
   double EnergyBeside(int c, int o) {
+    constexpr std::size_t kApart = 4;  // segments of a curve that do not touch each other
     const Curve& curve = session_.state().curve(c);
     const Curve& other = session_.state().curve(o);
     double energy_mJ = 0;
@@ -251,11 +258,9 @@ class SceneRun {
     for (std::size_t i = 1; i < curve.nodes().size(); ++i) {
       const double length_mm = (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
       arc_mm += length_mm;
-      const Nearest nearest = NearestOn(other, curve.nodes()[i]);
+      const Nearest nearest = NearestOn(other, curve.nodes()[i], c == o ? i + kApart : 0);
+      if (c == o && nearest.is_begin) continue;
       if (nearest.arc_mm >= other.insertion_mm() - 1e-6) continue;  // beyond the other tip
-      // Instruments that meet head on have no contact.
-      constexpr double kHeadOn = -0.4;
-      if (curve.tangents()[i - 1].dot(other.tangents()[nearest.segment]) < kHeadOn) continue;
       const double touching_mm = SurfaceRadius(c, arc_mm) + SurfaceRadius(o, nearest.arc_mm);
       outcome_.closest = std::min(outcome_.closest, nearest.distance_mm / touching_mm);
       const double bulges_mm = Bulges(c, i - 1, o, nearest.segment);
@@ -288,7 +293,8 @@ class SceneRun {
       before_arc_mm = nearest.arc_mm;
       const double lumen_mm = LumenRadius(o, nearest.arc_mm);
       const double overlap_mm = nearest.distance_mm + SurfaceRadius(c, arc_mm) - lumen_mm;
-      if (overlap_mm > lumen_mm) {
+      // The solver holds the arcs through the nodes apart, not the chords.
+      if (overlap_mm - Bulges(c, i - 1, o, nearest.segment) > lumen_mm) {
         Object("curve ", c, " has broken through the lumen of curve ", o, " by ", overlap_mm,
                " mm at node ", i);
       }
