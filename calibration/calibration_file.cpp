@@ -136,6 +136,7 @@ Calibration ReadTable(const std::string& text, const std::string& path) {
   Calibration calibration;
   calibration.device = ReadPrintable(root, "device");
   calibration.note = ReadPrintable(root, "note");
+  if (root.Has("sensor")) calibration.sensor_product_id = root.Integer("sensor", 1, 255);
   calibration.motion = ReadMotion(root.Table("motion"));
   StrictTable& joystick = root.Table("joystick");
   calibration.lao = ReadAxis(joystick.Table("lao"));
@@ -148,17 +149,20 @@ Calibration ReadTable(const std::string& text, const std::string& path) {
 
 std::string FormatCalibration(const Calibration& calibration) {
   const MotionModel& motion = calibration.motion;
+  const std::string sensor = calibration.sensor_product_id
+                                 ? fmt::format("sensor = {:#04x}\n", *calibration.sensor_product_id)
+                                 : std::string();
   const std::string text = fmt::format(
       "# Factors from this device's counts to motion. Written by torquer-calibrate;\n"
       "# the last line guards every byte above it.\n"
-      "format = \"{}\"\nversion = {}\ndevice = {}\nnote = {}\n"
+      "format = \"{}\"\nversion = {}\ndevice = {}\nnote = {}\n{}"
       "\n# Pairs: [of one axial count, of one transverse count].\n[motion]\n"
       "cpi = {}\n"
       "insertion_mm_per_count = {}\nrotation_rad_per_count = {}\n"
       "insertion_standard_error = {}\nrotation_standard_error = {}\n"
       "{}{}\n",
       kFormat, kCalibrationFileVersion, Quoted(calibration.device), Quoted(calibration.note),
-      motion.cpi, Pair(motion.per_count[0]), Pair(motion.per_count[1]),
+      sensor, motion.cpi, Pair(motion.per_count[0]), Pair(motion.per_count[1]),
       Pair(motion.standard_error[0]), Pair(motion.standard_error[1]),
       FormatAxis("lao", calibration.lao), FormatAxis("cra", calibration.cra));
   return fmt::format("{}{}{}\"\n", text, kEndMarker, Hex(Fnv1a(text)));
@@ -184,6 +188,16 @@ void RequireDevice(const Calibration& calibration, const std::string& path,
       "{}: device = '{}', but the device here is '{}'; {}, or give that device's file with "
       "--calibration",
       path, calibration.device, device, kRemedy));
+}
+
+void RequireSensor(const Calibration& calibration, const std::string& path,
+                   std::optional<int> sensor_product_id) {
+  if (!calibration.sensor_product_id || !sensor_product_id) return;
+  if (*calibration.sensor_product_id == *sensor_product_id) return;
+  throw UserError(
+      fmt::format("{}: sensor = {:#04x}, but the device's sensor is {:#04x} now, whose "
+                  "counts differ; {}",
+                  path, *calibration.sensor_product_id, *sensor_product_id, kRemedy));
 }
 
 std::string CalibrationPath(const std::string& device) {

@@ -4,6 +4,7 @@
 // for one. Format and its versions: README.md beside this file.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "calibration/motion_model.h"
@@ -27,6 +28,11 @@ Calibration ReadCalibration(const std::string& path);
 /// Throws UserError unless `calibration` (read from `path`) was taken on `device`.
 void RequireDevice(const Calibration& calibration, const std::string& path,
                    const std::string& device);
+
+/// Throws UserError if `calibration` (read from `path`) was taken with another sensor. An unknown
+/// sensor, there or here, is accepted.
+void RequireSensor(const Calibration& calibration, const std::string& path,
+                   std::optional<int> sensor_product_id);
 
 /// Default path of the calibration of `device`: a file named after its serial number in the user's
 /// configuration folder. Throws UserError when there is no such folder.

@@ -14,6 +14,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace torquer::calibration {
@@ -75,6 +76,8 @@ double Rate(const JoystickAxis& axis, double counts);
 struct Calibration {
   std::string device;  ///< serial number of the one device that it holds for
   std::string note;    ///< how it came about, for people; may be empty
+  /// Product id of the sensor that it was taken with; none if unknown.
+  std::optional<int> sensor_product_id;
   MotionModel motion;
   JoystickAxis lao;  ///< joystick x: positive LAO
   JoystickAxis cra;  ///< joystick y: positive CRA

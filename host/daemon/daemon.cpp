@@ -123,10 +123,13 @@ void Daemon::OnTrouble(const std::string& text) {
 void Daemon::Take(const device::SourceEvent& event) {
   std::string serial;
   try {
-    serial = device::ReadSerial(*source_);
+    const device::DeviceIdentity identity = device::ReadIdentity(*source_);
+    serial = identity.serial;
     if (options_.calibration_by_serial && serial != device_) TakeCalibrationOf(serial);
     if (options_.calibration) {
       calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
+      calibration::RequireSensor(*options_.calibration, options_.calibration_path,
+                                 identity.sensor_product_id);
       CheckResolution();
     }
   } catch (const device::DeviceGone&) {

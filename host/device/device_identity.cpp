@@ -27,7 +27,7 @@ std::vector<std::uint8_t> AskForIdentity(ReportSource& source) {
 
 }  // namespace
 
-std::string ReadSerial(ReportSource& source) {
+DeviceIdentity ReadIdentity(ReportSource& source) {
   const std::vector<std::uint8_t> answer = AskForIdentity(source);
   if (answer.size() >= 2 && answer[1] != protocol::kProtocolVersion) {
     throw UserError(
@@ -40,11 +40,13 @@ std::string ReadSerial(ReportSource& source) {
   }
   protocol::IdentityReport identity;
   std::memcpy(&identity, answer.data(), sizeof identity);
-  std::string serial(identity.serial, strnlen(identity.serial, sizeof identity.serial));
-  for (char& character : serial) {
+  DeviceIdentity found;
+  found.serial.assign(identity.serial, strnlen(identity.serial, sizeof identity.serial));
+  for (char& character : found.serial) {
     if (character < ' ' || character > '~') character = '?';
   }
-  return serial;
+  if (identity.sensor_product_id != 0) found.sensor_product_id = identity.sensor_product_id;
+  return found;
 }
 
 }  // namespace torquer::device

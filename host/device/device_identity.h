@@ -1,6 +1,7 @@
 // Identity of a bench device, which is asked for before its reports are used.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "host/device/report_source.h"
@@ -10,8 +11,13 @@ namespace torquer::device {
 /// The remedy for a device whose firmware is not ours, or not of this release.
 inline constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
 
-/// The serial number of the device at hand, printable. Throws UserError for firmware of another
-/// protocol version, and FeatureError or DeviceGone where the device does not answer.
-std::string ReadSerial(ReportSource& source);
+struct DeviceIdentity {
+  std::string serial;                    ///< printable
+  std::optional<int> sensor_product_id;  ///< none if no sensor has answered yet
+};
+
+/// Identity of the device at hand. Throws UserError for firmware of another protocol version, and
+/// FeatureError or DeviceGone where the device does not answer.
+DeviceIdentity ReadIdentity(ReportSource& source);
 
 }  // namespace torquer::device

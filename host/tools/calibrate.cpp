@@ -277,6 +277,7 @@ int Finish(const Arguments& arguments, const ProcedureSettings& settings, const 
     return torquer::kExitFailure;
   }
   result.calibration.device = facts.serial;
+  result.calibration.sensor_product_id = facts.sensor_product_id;
   result.calibration.note = Note(result, settings);
   MakeFolderOf(path);
   const std::string plot = PlotPath(arguments, path);

@@ -109,15 +109,16 @@ DeviceFacts DeviceReadings::Connect() {
 }
 
 void DeviceReadings::CheckIdentity(const std::string& place) {
-  std::string serial;
+  device::DeviceIdentity identity;
   try {
-    serial = device::ReadSerial(*source_);
+    identity = device::ReadIdentity(*source_);
   } catch (const device::DeviceGone&) {
     return;  // the source reports it and retries
   } catch (const device::FeatureError& error) {
     throw UserError(fmt::format("{}: the device does not report its identity ({}); {}", place,
                                 error.what(), device::kFlashRemedy));
   }
+  const std::string& serial = identity.serial;
   if (serial.empty()) {
     throw UserError(
         fmt::format("{}: the device has no serial number, which a calibration needs; {}", place,
@@ -129,6 +130,8 @@ void DeviceReadings::CheckIdentity(const std::string& place) {
         facts_.serial, serial));
   }
   facts_.serial = serial;
+  // A sensor that is still starting has no id yet.
+  if (identity.sensor_product_id) facts_.sensor_product_id = identity.sensor_product_id;
 }
 
 void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {

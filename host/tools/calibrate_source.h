@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@ namespace torquer::tools {
 /// Device properties that must be known before calibration.
 struct DeviceFacts {
   std::string serial;
+  std::optional<int> sensor_product_id = std::nullopt;  ///< unknown
   int cpi = calibration::kNominalCpi;
   bool ordinary_mouse = false;  ///< its resolution is unknown, and it reports no lift
   bool has_joystick = true;

@@ -162,6 +162,23 @@ TEST_CASE("Another device's calibration is refused") {
                         Catch::Contains("torquer-calibrate"));
 }
 
+TEST_CASE("A calibration keeps its sensor, and is refused for another one") {
+  Calibration calibration = Measured();
+  CHECK_FALSE(ParseCalibration(FormatCalibration(calibration), "a.toml").sensor_product_id);
+  CHECK_NOTHROW(RequireSensor(calibration, "bench.toml", 0x47));  // unknown
+  calibration.sensor_product_id = 0x42;
+  const std::string text = FormatCalibration(calibration);
+  CHECK_THAT(text, Catch::Contains("sensor = 0x42\n"));
+  CHECK(ParseCalibration(text, "a.toml").sensor_product_id == 0x42);
+  CHECK_NOTHROW(RequireSensor(calibration, "bench.toml", 0x42));
+  CHECK_NOTHROW(RequireSensor(calibration, "bench.toml", std::nullopt));
+  CHECK_THROWS_WITH(RequireSensor(calibration, "bench.toml", 0x47),
+                    Catch::Contains("bench.toml: sensor = 0x42") && Catch::Contains("0x47 now") &&
+                        Catch::Contains("torquer-calibrate"));
+  calibration.sensor_product_id = 256;
+  CHECK_THROWS_WITH(WriteCalibration(calibration, "unwritten.toml"), Catch::Contains("sensor"));
+}
+
 TEST_CASE("A calibration that is out of range is not written, and the old file stays") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("bench.toml");

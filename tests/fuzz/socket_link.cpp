@@ -68,7 +68,7 @@ class Listener {
 
 void Ask(device::SocketSource& source, int what) {
   try {
-    if (what % 3 == 1) device::ReadSerial(source);
+    if (what % 3 == 1) device::ReadIdentity(source);
     if (what % 3 == 2) source.SetFeature(Bytes(4, 3));
   } catch (const device::FeatureError&) {
     return;

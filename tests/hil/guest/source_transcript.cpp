@@ -117,7 +117,7 @@ Bytes Configuration(std::uint16_t cpi, std::size_t length) {
 int Converse(const std::string& kind) {
   Conversation talk(kind);
   if (!talk.Connected()) return 1;
-  std::printf("serial: %s\n", device::ReadSerial(talk.source()).c_str());
+  std::printf("serial: %s\n", device::ReadIdentity(talk.source()).serial.c_str());
   if (!talk.Reports()) return 1;
   constexpr std::size_t kWhole = sizeof(protocol::ConfigurationReport);
   talk.Get("identity", protocol::kIdentityReportId);
