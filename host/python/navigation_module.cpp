@@ -2,6 +2,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <memory>
 #include <optional>
 #include <string>
@@ -55,10 +56,9 @@ NavigationState ToState(const py::tuple& saved) {
                        .worst_unconverged_mN = saved[7].cast<double>(),
                        .any_converged = ToBool(saved[8]),
                        .facts = saved[9].cast<std::array<double, kFacts>>()}};
-  } catch (const py::builtin_exception&) {
-  } catch (const py::error_already_set&) {
+  } catch (const std::exception&) {
+    throw Error("the saved environment is damaged; save it again");
   }
-  throw Error("the saved environment is damaged; save it again");
 }
 
 void LoadInto(Navigation& navigation, const py::tuple& saved) {
@@ -75,16 +75,15 @@ py::tuple PickleTask(const NavigationTask& task) {
 
 std::unique_ptr<Navigation> UnpickleNavigation(const py::tuple& fields) {
   std::unique_ptr<Navigation> made;
+  py::tuple saved;
   try {
     const auto task = py::type::of<NavigationTask>()(*fields[1].cast<py::tuple>());
     made = std::make_unique<Navigation>(fields[0].cast<Scene>(), task.cast<NavigationTask>());
-  } catch (const py::builtin_exception&) {
-  } catch (const py::error_already_set&) {
-  }
-  if (made == nullptr || fields.size() != 3 || !py::isinstance<py::tuple>(fields[2])) {
+    saved = fields[2].cast<py::tuple>();
+  } catch (const std::exception&) {
     throw Error("the pickled environment is damaged; pickle it again");
   }
-  LoadInto(*made, fields[2].cast<py::tuple>());
+  LoadInto(*made, saved);
   return made;
 }
 

@@ -1,6 +1,7 @@
 // Scenes for Python.
 #include <array>
 #include <cstdint>
+#include <exception>
 #include <string>
 #include <utility>
 #include <vector>
