@@ -38,7 +38,7 @@ FrontSchedule::FrontSchedule(int curves, std::size_t segments,
 FrontOperation& FrontSchedule::Add(Kind kind, int curve) {
   FrontOperation& operation = operations_.emplace_back();
   operation.kind = kind;
-  operation.curve = static_cast<std::int8_t>(curve);
+  operation.curve = curve;
   operation.open = open_;
   return operation;
 }

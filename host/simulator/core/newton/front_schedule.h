@@ -33,8 +33,8 @@ struct FrontOperation {
     kEnd,      ///< adds `side` of group `index` of `pair` alone: no block was free
   };
   Kind kind = Kind::kAdvance;
-  std::int8_t curve = -1;
-  std::int8_t side = 0;  ///< 0: inner curve, 1: outer curve
+  int curve = -1;
+  int side = 0;  ///< 0: inner curve, 1: outer curve
   int pair = -1;
   int index = -1;
   int block = -1;
@@ -81,7 +81,7 @@ class FrontSchedule {
     int other_segment;
     int pair;
     int group;
-    std::int8_t side;
+    int side;
     bool ends;  // its contact was divided into two ends
   };
 

@@ -372,7 +372,7 @@ double FrontSweep::Step(const WireState& state, const QuadraticModel& quadratic,
   };
   for (int c = 0; c < state.curves(); ++c) moved(c).Begin();
   // The order is opposite to that of the sweep.
-  double rows[OpenRows::kBlockRows * kMostOpenBlocks];
+  double rows[OpenRows::kBlockRows * kMostOpenBlocks] = {};
   const std::vector<FrontOperation>& operations = schedule_.operations();
   for (auto operation = operations.rbegin(); operation != operations.rend(); ++operation) {
     if (operation->kind == FrontOperation::Kind::kAdvance) {
