@@ -55,7 +55,8 @@ def main():
             .replace("typeinfo name for ", "")
             .replace("vtable for ", "")
             .startswith(
-                ("torquer::Build", "torquer::Version", "torquer::Error", "torquer::Scene::", "torquer::Simulation::", "torquer::Surface::")
+                ("torquer::Build", "torquer::Check", "torquer::Version", "torquer::Error", "torquer::Scene::",
+                 "torquer::Simulation::", "torquer::Surface::")
             )
         ]
         check(f"the library shows nothing else: {strangers[:5]}", not strangers)

@@ -203,7 +203,7 @@ TEST_CASE("on another board, requests late in a frame are held for the next one"
   other.firmware.Step();
   board().now_us += 700;
   bool served = false;
-  other.usb.requests.push_back([&served] { served = true; });
+  other.usb.requests.emplace_back([&served] { served = true; });
   other.firmware.Step();
   CHECK_FALSE(served);
   CHECK(other.usb.held);
