@@ -127,7 +127,7 @@ struct HeadOn : DenseCurves {
 
 TEST_CASE("The sweep of wires that meet head on solves the dense Newton system") {
   const double ratio = GENERATE(0.0, 0.7);
-  if (kUnderSanitizer && ratio == 0) return;
+  if (kUnderSanitizer) return;  // a dense Hessian takes a minute; the coil has the same code
   unsigned seed = 3;
   while (!HeadOn(ratio, seed).IsFarFromKinks()) ++seed;
   HeadOn wires(ratio, seed);

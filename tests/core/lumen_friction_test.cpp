@@ -114,7 +114,7 @@ TEST_CASE("Friction between curves beside each other has the gradient of finite 
 TEST_CASE("The sweep with friction in a lumen solves the dense system") {
   const InstrumentPoses poses = GENERATE(kWireLeads, kThreeCatheterLeads);
   const double ratio = GENERATE(0.0, 0.7);
-  if (kUnderSanitizer && (ratio == 0 || poses.size() == 3)) return;
+  if (kUnderSanitizer) return;  // a dense Hessian takes a minute, and other tests slide there too
   Slid slid(poses, 2, ratio, 0.04);
   TwoCurves& curves = slid.curves;
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },

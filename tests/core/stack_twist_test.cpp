@@ -74,7 +74,9 @@ TEST_CASE("Instruments bend each other at a joint whose own rest angles cancel")
 
 TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
   const double weight = test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
-  TwistedStack stack(GENERATE(2, 3, 4), 5);
+  const int count = GENERATE(2, 3, 4);
+  if (kUnderSanitizer && count > 2) return;
+  TwistedStack stack(count, 5);
   CAPTURE(stack.each, weight);
   const Eigen::MatrixXd hessian =
       HessianOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },

@@ -93,7 +93,7 @@ TEST_CASE("A wire folded back behind the sheath has its gradient and Newton step
   CAPTURE(ratio, seed);
   REQUIRE(curves.state.curve(0).tangents()[0].dot(curves.sheath.direction) < -0.5);
   CheckGradient(curves, 1e-6);
-  CheckStep(curves, 10);
+  if (!kUnderSanitizer) CheckStep(curves, 10);
 }
 
 // A bent wire in a bent catheter, in free space. `ratio` is GJ over EI; 0 means that neither

@@ -312,7 +312,9 @@ TEST_CASE("Live, the record is written when the session ends", "[simulator]") {
   std::ifstream in(file.Beside("r.json"));
   const nlohmann::json record = nlohmann::json::parse(in);
   CHECK(record["scene"] == "small");
-  CHECK(record["readings"]["safe_success"] == 0);
+  // Null if the session ended before a tick has converged.
+  const nlohmann::json& success = record["readings"].at("safe_success");
+  CHECK((success.is_null() || success == 0));
 }
 
 TEST_CASE("The program ends with 2 and a sentence on what it cannot use", "[simulator]") {
