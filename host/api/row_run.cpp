@@ -38,6 +38,16 @@ effects::Imaging ToEffects(const Imaging& imaging) {
           .bottom = imaging.bottom};
 }
 
+Imaging FromEffects(const effects::Imaging& imaging) {
+  return {.mode = static_cast<Imaging::Mode>(imaging.mode),
+          .pulses_per_s = imaging.pulses_per_s,
+          .magnification = imaging.magnification,
+          .left = imaging.left,
+          .right = imaging.right,
+          .top = imaging.top,
+          .bottom = imaging.bottom};
+}
+
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {
   const InstrumentPoses start = scene.start();
   std::vector<InstrumentInfo> all;

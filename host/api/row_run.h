@@ -13,8 +13,9 @@ namespace torquer {
 /// Public descriptions of a scene's instruments, the innermost first.
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene);
 
-/// Converts settings of the X-ray system to the type that effects take.
+/// Converts settings of the X-ray system to the type that effects take, and back.
 effects::Imaging ToEffects(const Imaging& imaging);
+Imaging FromEffects(const effects::Imaging& imaging);
 
 /// Runs rows one after another. ScriptTicks divides each row into ticks, each with the scene's
 /// budget for a script's tick.

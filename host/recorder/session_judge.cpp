@@ -155,14 +155,7 @@ Command ToRow(const simulator::Command& live, double time_s) {
   for (int k = 0; k < live.target.size(); ++k) {
     row.hands.push_back({live.target[k].insertion_mm, live.target[k].rotation_rad});
   }
-  const effects::Imaging& imaging = live.controls.imaging;
-  row.imaging = {.mode = static_cast<Imaging::Mode>(imaging.mode),
-                 .pulses_per_s = imaging.pulses_per_s,
-                 .magnification = imaging.magnification,
-                 .left = imaging.left,
-                 .right = imaging.right,
-                 .top = imaging.top,
-                 .bottom = imaging.bottom};
+  row.imaging = FromEffects(live.controls.imaging);
   return row;
 }
 
