@@ -103,7 +103,7 @@ MotionModel ReadMotion(StrictTable& table) {
   return model;
 }
 
-// The checksum at the end shows a file that was cut off or edited.
+// The checksum at the end reveals a truncated or edited file.
 void CheckEnd(const std::string& text, const std::string& path) {
   const std::size_t end = text.rfind(kEndMarker);
   if (end == std::string::npos) {
@@ -211,7 +211,7 @@ std::string CalibrationPath(const std::string& device) {
 
 void WriteCalibration(const Calibration& calibration, const std::string& path) {
   const std::string text = FormatCalibration(calibration);
-  ParseCalibration(text, path);  // what could not be read back is not written
+  ParseCalibration(text, path);  // a text that cannot be read back is not written
   WriteFileAtomically(path, text);
 }
 

@@ -1,7 +1,7 @@
-// A calibration on disk: TOML, versioned, tied to a device, whole or not there.
+// Calibration file: versioned TOML for one device, written in one step.
 //
-// The last line carries a checksum of all bytes before it, so that a torn or edited file is known
-// for one. Format and its versions: README.md beside this file.
+// The last line is a checksum of all bytes before it, which reveals a truncated or edited file.
+// README.md beside this file has the format and its versions.
 #pragma once
 
 #include <optional>
@@ -11,15 +11,15 @@
 
 namespace torquer::calibration {
 
-/// Version of the file format; files of a later version are refused, there is no earlier one.
+/// Version of the file format, the first one. Files of a later version are refused.
 inline constexpr int kCalibrationFileVersion = 1;
 
 /// Exactly what WriteCalibration() puts into the file.
 std::string FormatCalibration(const Calibration& calibration);
 
-/// The calibration in `text`; `path` is for messages only. Throws UserError naming the file, line
-/// or field, value and remedy when the text is no calibration, is of a newer version, is torn or
-/// was edited, or holds a value out of range or a key it should not.
+/// The calibration in `text`; `path` is for messages only. Throws UserError if the text is not a
+/// calibration, has a newer version, was truncated or edited, has a value out of range, or has an
+/// unknown key. The message names the file, line or field, value and remedy.
 Calibration ParseCalibration(const std::string& text, const std::string& path);
 
 /// Reads and checks a file. Throws UserError as ParseCalibration() does, or when it cannot be read.
@@ -35,7 +35,7 @@ void RequireSensor(const Calibration& calibration, const std::string& path,
                    std::optional<int> sensor_product_id);
 
 /// Default path of the calibration of `device`: a file named after its serial number in the user's
-/// configuration folder. Throws UserError when there is no such folder.
+/// configuration folder. Throws UserError if the user has no such folder.
 std::string CalibrationPath(const std::string& device);
 
 /// Replaces `path` in one step: on any failure the file holds either the old calibration or the

@@ -128,7 +128,7 @@ std::vector<Source> Sources(const Line& push, const Line& turn, const CommonErro
     }
     sources.push_back(source);
   };
-  // The unknowns at `at` are off along `direction` by a share of standard deviation `size`.
+  // Error of the unknowns at `at` along `direction`: a fraction with the standard deviation `size`.
   const auto add_common = [&](std::size_t at, const Vector2& direction, double size) {
     Matrix2 covariance{};
     for (std::size_t i = 0; i < 2; ++i) {
@@ -204,8 +204,8 @@ void Check(const CommonErrors& common) {
   }
 }
 
-// Pushes and turns at less than six degrees to each other in the plane of counts are not
-// distinguished apart.
+// Smallest angle between pushes and turns in the plane of counts. Below it the two are too similar
+// to fit.
 void CheckApart(const Line& push, const Line& turn) {
   const double area = push.slope[0] * turn.slope[1] - push.slope[1] * turn.slope[0];
   const double lengths =
@@ -241,7 +241,7 @@ Estimate HeightGain(const Line& push, const Line& raised) {
   return gain;
 }
 
-// Pushes and turns grow together with the height: all unknowns by the same share.
+// The height changes the counts of pushes and turns together: all unknowns by the same fraction.
 Source HeightSource(const Unknowns& counts, const Estimate& height_gain) {
   Source source;
   source.degrees_of_freedom = height_gain.degrees_of_freedom;
@@ -313,7 +313,7 @@ MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common,
   AddHeightGain(strokes, push, common, fit);
   std::vector<Source> sources = Sources(push, turn, common);
   if (fit.height_measured) sources.push_back(HeightSource(counts, fit.height_gain));
-  // An estimate with the share of it that the height may change.
+  // Adds to an estimate the fraction by which the height may change it.
   const auto propagate = [&](double value, const Unknowns& gradient) {
     Estimate estimate = Propagate(value, gradient, sources);
     const double change = std::inner_product(gradient.begin(), gradient.end(), counts.begin(), 0.0);
@@ -329,7 +329,7 @@ MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common,
     for (std::size_t column = 0; column < 2; ++column) {
       const Estimate element =
           estimate([=](const MotionModel& model) { return model.per_count[row][column]; });
-      // Within its bound the height is taken as uniform.
+      // The height is assumed to be uniformly distributed within its bound.
       fit.model.standard_error[row][column] =
           std::hypot(element.standard_error, element.bound / std::numbers::sqrt3);
     }
@@ -342,8 +342,8 @@ MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common,
   fit.cylinder_radius_mm = parameter(&MotionParameters::cylinder_radius_mm);
   fit.skew_rad = parameter(&MotionParameters::skew_rad);
 
-  // A true motion moves the counts by the true slopes; what the model makes of their difference to
-  // the fitted ones is what it is off by.
+  // A true motion changes the counts by the true slopes. The error of the model is its motion for
+  // the difference between true and fitted slopes.
   const Matrix2& m = fit.model.per_count;
   const auto figure = [&](std::size_t row, std::size_t at, double size) {
     Unknowns gradient{};

@@ -15,7 +15,7 @@
 namespace torquer::calibration {
 namespace {
 
-// Below this SQUAL the reports are taken for doubtful (host/daemon does so too).
+// Below this SQUAL the reports count as doubtful, as in host/daemon.
 constexpr int kPoorQuality = 16;
 // Across the pipe. Flat targets under a real sensor have 1.00 to 1.12 there (README.md).
 constexpr double kStrongShading = 1.25;
@@ -23,8 +23,8 @@ constexpr double kMuchDirt = 0.04;
 constexpr double kDark = 0.15, kBright = 0.85;
 constexpr double kMuchSaturated = 0.02;
 constexpr double kNoContrast = 0.02;
-// Dirt threshold, as a fraction of the fitted brightness: an area of radius kDirtRadius that is
-// darker by more is dirt, not fiber.
+// Dirt threshold, as a fraction of the fitted brightness. An area of radius kDirtRadius below it is
+// dirt, not fiber.
 constexpr double kDirtDepth = 0.18;
 constexpr int kDirtRadius = 2;
 

@@ -1,4 +1,4 @@
-// From counts to motion: how the bench device's raw numbers become mm, rad and rad/s.
+// Motion model: converts the bench device's raw counts to mm, rad and rad/s.
 //
 // The sensor looks at a cylinder that is pushed along its axis and turned about it. A surface
 // motion of s mm distally and c = R * angle mm around moves the counts along two directions:
@@ -8,8 +8,8 @@
 //                   | /   ment)                             g
 //                   +------> axial
 //
-// The model is the inverse map, a full 2x2 matrix, so that unequal gains and a sensor whose axes
-// are not square are covered as well. No I/O here, no clock.
+// The model is the inverse map, a full 2x2 matrix. It covers unequal gains and axes of the sensor
+// that are not at right angles. No I/O, no clock.
 #pragma once
 
 #include <array>
@@ -19,7 +19,8 @@
 
 namespace torquer::calibration {
 
-/// Radius of the device's cylinder as drawn, mm; and the resolution its sensor starts with.
+/// Radius of the device's cylinder in the drawing, mm, and the resolution of its sensor at the
+/// start.
 inline constexpr double kNominalCylinderRadiusMm = 5.0;
 inline constexpr int kNominalCpi = 1200;
 inline constexpr double kMmPerInch = 25.4;
@@ -42,7 +43,7 @@ struct MotionModel {
   Matrix2 standard_error{};
 };
 
-/// The motion that `axial_counts` and `transverse_counts` stand for. Exact to double rounding for
+/// Motion that corresponds to `axial_counts` and `transverse_counts`. Exact to double rounding for
 /// any counts below 2^53.
 HandMotion Apply(const MotionModel& model, std::int64_t axial_counts,
                  std::int64_t transverse_counts);
@@ -52,7 +53,7 @@ struct MotionParameters {
   double gain_mm_per_count = 0.0;   ///< surface motion a count; > 0
   double misalignment_rad = 0.0;    ///< direction of pushing, from the axial count axis
   double cylinder_radius_mm = 0.0;  ///< > 0
-  double skew_rad = 0.0;            ///< direction of turning less that of pushing, less 90 degrees
+  double skew_rad = 0.0;            ///< angle from pushing to turning, minus 90 degrees
 };
 
 /// Exact inverse of each other; Parameters() needs a model with a nonzero first row.
@@ -72,11 +73,11 @@ struct JoystickAxis {
 /// Turning rate in rad/s for a reading of `counts`.
 double Rate(const JoystickAxis& axis, double counts);
 
-/// Everything that turns the reports of one device into motion.
+/// Calibration: all values that convert the reports of one device into motion.
 struct Calibration {
   std::string device;  ///< serial number of the one device that it holds for
-  std::string note;    ///< how it came about, for people; may be empty
-  /// Product id of the sensor that it was taken with; none if unknown.
+  std::string note;    ///< origin of the calibration, for people; may be empty
+  /// Product id of the sensor during the calibration; empty if unknown.
   std::optional<int> sensor_product_id;
   MotionModel motion;
   JoystickAxis lao;  ///< joystick x: positive LAO

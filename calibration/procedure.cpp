@@ -16,7 +16,7 @@ constexpr double kTurn = 2.0 * std::numbers::pi;
 // A hand is still when it moved less than this for kStillUs.
 constexpr double kStillMm = 0.25;
 
-// A sensor at rest counts nothing; one that looks at a shiny or distant surface does.
+// A sensor at rest gives no counts, except over a shiny or distant surface.
 constexpr std::int64_t kRestUs = 1500000;
 constexpr double kRestCounts = 6.0;
 constexpr std::int64_t kRestPatienceUs = 8000000;
@@ -106,7 +106,7 @@ void Procedure::Take(const Reading& reading) {
   const bool pressed = reading.button && !(last_ && last_->button);
   if (reading.interrupted) recent_.clear();
   recent_.push_back(reading);
-  // The oldest that is kept is as old as a rest must be long.
+  // Keeps the readings of the time for which a hand must rest.
   while (recent_.size() > 1 && reading.time_us - recent_[1].time_us >= kStillUs) {
     recent_.pop_front();
   }
@@ -230,7 +230,7 @@ void Procedure::Follow(const Reading& reading) {
   }
 }
 
-// Mean position of the hand while it was still; nothing before it was still for long enough.
+// Mean position of the hand while it was still; empty until it was still for long enough.
 std::optional<Procedure::Counts> Procedure::StillPlace() const {
   if (recent_.back().time_us - recent_.front().time_us < kStillUs) return std::nullopt;
   const Reading& origin = recent_.front();
@@ -293,7 +293,7 @@ void Procedure::EndStroke() {
   if (Good(kind()) >= wanted) GoOn();
 }
 
-// Judges all strokes again, and reports what became of the last and what changed for the others.
+// Judges all strokes again. Reports the result for the last stroke, and changes for the others.
 void Procedure::Judge() {
   const std::vector<Rejection> before = rejections_;
   rejections_ = JudgeStrokes(strokes_, Expectation());

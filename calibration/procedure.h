@@ -1,11 +1,11 @@
-// The guided calibration, step by step, as a state machine: readings and keys in, instructions and
-// in the end a calibration out. No I/O, no clock but that of the readings.
+// Guided calibration as a state machine. It takes readings and keys, and gives instructions and
+// finally a calibration. It does no I/O, and its only clock is the time in the readings.
 //
 //   rest -> pushes -> raised pushes -> turns -> joystick -> done
 //
-// A stroke is what lies between two marks: the operator rests at one place, marks it, moves to the
-// other, marks that, and comes back. Only the way there is measured, since two ways that share a
-// place also share its error; the way back tells whether anything slipped.
+// A stroke is the motion between two marks. The operator rests at one place, marks it, moves to the
+// other place, marks it, and comes back. Only the way forward is measured, because both ways share
+// the errors of the places. The way back shows if anything slipped.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@ struct Reading {
   int surface_quality = 0;
   bool lifted = false;       ///< lift flag or poor surface
   bool faulty = false;       ///< sensor fault
-  bool interrupted = false;  ///< does not continue the reading before: reset, reconnected, jumped
+  bool interrupted = false;  ///< does not continue the previous reading: reset, reconnected, jumped
   bool button = false;       ///< held; pressing it marks
 };
 
@@ -43,9 +43,9 @@ enum class Key {
 
 enum class Step { kRest, kPushes, kRaised, kTurns, kJoystick, kDone };
 
-/// Standard deviations that a careful hand was found or is assumed to have; declare others for a
-/// fixture or an unsteady hand. Those of one stroke weigh and find outliers, those in common add to
-/// the stated errors.
+/// Standard deviations of a careful hand, measured or assumed; declare others for a fixture or an
+/// unsteady hand. The deviations of one stroke give its weight, and find outliers. Common
+/// deviations add to the stated errors.
 struct ProcedureSettings {
   bool ruler = false;            ///< lengths are read off a ruler each time, not given by end stops
   double length_mm = 150.0;      ///< of a push
@@ -57,11 +57,11 @@ struct ProcedureSettings {
   int turns = 2;                 ///< whole turns a stroke, >= 1
   double push_turn_rad = 0.0175;        ///< a hand turns by that in a push
   double push_turn_habit_rad = 0.0087;  ///< and by that in every push
-  double mark_rad = 0.026;              ///< setting a line against a mark, a stroke
-  double turn_push_mm = 0.5;            ///< a hand pushes by that in a stroke of turns
+  double mark_rad = 0.026;              ///< error of aligning a line with a mark, per stroke
+  double turn_push_mm = 0.5;            ///< unintended push in a stroke of turns
   double turn_push_habit_mm = 0.3;      ///< and by that in every one
-  /// Height by which the cylinder can rise in its bore, 0 .. 2. It bounds the error that the height
-  /// causes if the raised pushes are skipped. Drawn: 0.3 without the preload.
+  /// Height by which the cylinder can rise in its bore, 0 .. 2; 0.3 in the drawing, without the
+  /// preload. If the raised pushes are skipped, it bounds the error that the height causes.
   double play_mm = 0.3;
   double cylinder_radius_mm = kNominalCylinderRadiusMm;
   int cpi = kNominalCpi;
@@ -76,7 +76,7 @@ struct Prompt {
   std::string instruction;
   int done = 0;          ///< good strokes so far, in steps that count them
   int wanted = 0;        ///< 0 in the others
-  bool marking = false;  ///< a mark was asked for; it is taken once the hand is still
+  bool marking = false;  ///< a mark is requested; it is taken once the hand is still
 };
 
 struct Message {
@@ -89,17 +89,17 @@ struct ProcedureResult {
   Calibration calibration;  ///< without device and note
   MotionFit fit;
   std::vector<RecordedStroke> strokes;  ///< all, in order
-  std::vector<Rejection> rejections;    ///< one a stroke; fit.residuals are of the others, in order
+  std::vector<Rejection> rejections;    ///< per stroke; fit.residuals has the good ones
   double drift_counts_per_s = 0.0;      ///< at rest
   double return_mm = 0.0;               ///< from the first start of a push to the last
   double mean_surface_quality = 0.0;    ///< during strokes
   bool rest_checked = false, joystick_measured = false;
 };
 
-/// Number of releases of the joystick: one after each of its ends.
+/// Releases of the joystick: one after each of its ends.
 inline constexpr int kStickReleases = 4;
 
-/// Number of good raised pushes that are wanted.
+/// Required number of good raised pushes.
 inline constexpr int kRaisedPushes = 3;
 
 /// Time for which a hand or a stick must be still.
@@ -110,7 +110,7 @@ class Procedure {
   /// Throws UserError naming a setting that is out of range.
   explicit Procedure(const ProcedureSettings& settings);
 
-  /// The next reading, in order of time.
+  /// Takes the next reading, in order of time.
   void Take(const Reading& reading);
   void Press(Key key);
 

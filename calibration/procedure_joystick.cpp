@@ -1,4 +1,4 @@
-// Step of the calibration in which the joystick is measured.
+// Joystick step of the guided calibration.
 #include <fmt/format.h>
 
 #include <cmath>

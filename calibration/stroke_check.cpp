@@ -11,13 +11,14 @@ namespace torquer::calibration {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Standard deviations that a good stroke is off by once in some hundred runs.
+// Outlier threshold, in standard deviations. A good stroke exceeds it about once in a hundred runs.
 constexpr double kOutlier = 4.0;
-// A sensor's bracket cannot be set askew by more; a stroke farther off its axis is another motion.
+// Largest angle by which a sensor's bracket can be misaligned. A stroke at a larger angle is
+// another motion.
 constexpr double kLargestAngle = 25.0 * kPi / 180.0;
-// Counts that a sensor may be off by over a stroke, however exact the hand.
+// Error of a sensor over a stroke, in counts, for an exact motion of the hand.
 constexpr double kSensorCounts = 3.0;
-// Fewer than these have no median to speak of.
+// Smallest number of strokes with a meaningful median.
 constexpr std::size_t kFewest = 3;
 
 double Degrees(double rad) { return rad * 180.0 / kPi; }
@@ -29,8 +30,7 @@ double Median(std::vector<double> values) {
   return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
-// A stroke's counts in terms of the motion it was asked to be, by nominal gains: surface motion in
-// mm along the asked direction and across it.
+// Surface motion of a stroke by nominal gains: mm along the requested direction and across it.
 struct Surface {
   double along_mm;
   double across_mm;
@@ -107,7 +107,7 @@ struct Deviation {
   Surface closure;
 };
 
-// Deviations of all from the median of those not refused so far; none when these are too few.
+// Deviations of all strokes from the median of those not refused so far; empty if too few remain.
 std::vector<Deviation> Deviations(std::span<const RecordedStroke> strokes,
                                   std::span<const Rejection> rejections, MotionKind kind,
                                   const StrokeExpectation& expected) {
@@ -196,7 +196,7 @@ std::string TurnReason(const Deviation& off, bool along, bool closure,
                      std::abs(off.stroke.across_mm));
 }
 
-// Refuses the worst outlier of one kind; false when there is none.
+// Refuses the worst outlier of one kind; false without an outlier.
 bool RefuseOne(std::span<const RecordedStroke> strokes, std::vector<Rejection>& rejections,
                MotionKind kind, const StrokeExpectation& expected) {
   const std::vector<Deviation> deviations = Deviations(strokes, rejections, kind, expected);
@@ -217,7 +217,7 @@ bool RefuseOne(std::span<const RecordedStroke> strokes, std::vector<Rejection>& 
   for (std::size_t i = 0; i < strokes.size(); ++i) {
     if (strokes[i].stroke.kind != kind || rejections[i]) continue;
     const Deviation& off = deviations[i];
-    // The start of a stroke and the end of its way back are two more readings.
+    // The start of a stroke and the end of its way back add two errors of reading.
     const double closure = std::numbers::sqrt2;
     const std::array<double, 4> sizes{std::abs(off.stroke.along_mm) / along_mm,
                                       std::abs(off.stroke.across_mm) / across_mm,

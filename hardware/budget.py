@@ -1,8 +1,7 @@
 """Scale and errors of the hardware: the numbers in hardware/README.md.
 
-Every function is one formula, with its source beside it; mm, N and rad, or degrees if the name
-says so. Lengths come from parts/bench_device.scad: its definitions are evaluated here, so that the
-printed parts and this page share one derivation.
+Every function is one formula, with its source beside it, in mm, N and rad, or degrees if its name ends so. Lengths are
+evaluated from the definitions in parts/bench_device.scad, so that the printed parts and this page share one derivation.
 """
 
 import argparse
@@ -22,9 +21,9 @@ CPIS = (400, 800, 1200, 1600, 3200, 6400, 12000)
 RADII_MM = (4.0, 5.0, 6.0, 8.0)
 # Decrease of the resolution for each millimeter of height, smallest and largest of the surfaces in figure 12.
 HEIGHT_GAIN_PER_MM = (0.028, 0.13)
-HALF_VIEW_MM = 0.5  # of what the sensor sees, at a magnification of 1:1; assumed
-# The sensor's LED: angle of its light to the vertical, assumed, because such sensors use flat light; and its distance
-# from the middle of the view. Together they shade flat paper as real pictures show it: 1.23 to 1.51 along the light.
+HALF_VIEW_MM = 0.5  # half the side of the sensor's view, at an assumed magnification of 1:1
+# The sensor's LED: assumed angle of its light to the vertical, and its distance from the middle of the view. With these
+# values the shading of flat paper is that of real pictures, 1.23 to 1.51 along the light.
 LIGHT_ANGLE_DEG = 69.0
 LIGHT_DISTANCE_MM = 8.0
 
@@ -104,7 +103,7 @@ def false_insertion_mm(angle_rad: float, rotation_rad: float, radius_mm: float) 
 
 
 def gain_loss(angle_rad: float) -> float:
-    """Share of the motion along the axis that a turned sensor does not count."""
+    """Fraction of the motion along the axis that a turned sensor does not count. """
     return 1 - math.cos(angle_rad)
 
 
@@ -169,8 +168,8 @@ def focus_mm() -> dict[str, tuple[float, float]]:
 
 
 def height_errors(gain_per_mm: float, play_mm: float) -> tuple[float, float, float]:
-    """Error of a motion whose cylinder rises by `play_mm` after the calibration: as a share, in mm over
-    the stroke, and in degrees a turn."""
+    """Error of a motion whose cylinder rises by `play_mm` after the calibration: as a fraction, in mm over the stroke,
+    and in degrees per turn. """
     share = gain_per_mm * play_mm
     return share, share * STROKE_MM, share * 360
 

@@ -2,9 +2,8 @@
 
 The diagram goes to standard output: hardware/wiring.py > hardware/pictures/wiring.svg
 
-Voltages are those of a controller at 3.3 V. With one at 5 V the nets of domain "controller" carry
-5 V, and the module's level shifter keeps that from the sensor.
-"""
+The voltages hold for a controller at 3.3 V. With a controller at 5 V the nets of the domain "controller" carry 5 V. The
+module's level shifter protects the sensor from this voltage. """
 
 import argparse
 import csv
@@ -20,8 +19,8 @@ SENSOR_VDD_V = (1.8, 2.1)  # PMW3360 data sheet 1.50: operating voltage
 # Pedal's line while the pedal is open, by the data sheet of the ATmega32U4 (DC characteristics).
 PULL_UP_OHM = (20e3, 50e3)
 INPUT_LEAKAGE_UA = 1.0
-# Suppressor diodes: standoff voltage in V, and the largest leakage there in uA at 25 degrees C. Data sheets of the
-# series SA and P6KE; a type for both polarities up to 10 V leaks twice as much as one for a single polarity.
+# Suppressor diodes: standoff voltage in V, and the largest leakage there in uA at 25 degrees C, from the data sheets of
+# the series SA and P6KE. Up to 10 V, a bidirectional type leaks twice as much as a unidirectional type.
 DIODES = {"SA5.0A": (5.0, 600), "SA6.5CA": (6.5, 800), "SA8.5CA": (8.5, 20), "SA9.0CA": (9.0, 10),
           "P6KE6.8A": (5.8, 1000), "P6KE6.8CA": (5.8, 2000), "P6KE11CA": (9.4, 10)}
 LEAKAGE_DOUBLES_K = 10.0  # rule for silicon
@@ -141,13 +140,13 @@ def problems(wires: list[Wire], pins: dict[str, tuple[str, str]]) -> list[str]:
 
 
 def leakage_ua(diode: str, warm_c: float = WARMEST_C) -> float:
-    """Largest current from an open pedal's line to ground. The diode's part is that at its standoff voltage, which
-    lies above the line's."""
+    """Largest current from an open pedal's line to ground. The diode's part is its leakage at the standoff voltage,
+    which is above the voltage of the line. """
     return DIODES[diode][1] * 2 ** ((warm_c - 25) / LEAKAGE_DOUBLES_K) + INPUT_LEAKAGE_UA
 
 
 def allowed_leakage_ua(supply_v: float) -> float:
-    """Current at which the weakest pull-up still holds the line at the level that surely reads as high."""
+    """Largest current at which the weakest pull-up keeps the line at a level that reads as high. """
     high_v = 0.2 * supply_v + 0.9  # V_IH, data sheet of the ATmega32U4
     return (supply_v - high_v) / PULL_UP_OHM[1] * 1e6
 

@@ -1,5 +1,5 @@
-// The feature reports of the bootloader: the single definition, as hid_reports.h is for the
-// firmware. The ids differ from the firmware's, so that neither takes a report meant for the other.
+// Single definition of the bootloader's feature reports, as hid_reports.h is for the firmware. The
+// ids differ from those of the firmware, so that neither accepts a report for the other.
 #pragma once
 
 #include <stddef.h>
@@ -12,8 +12,8 @@
 namespace torquer {
 namespace protocol {
 
-/// Version of the layouts in this file. The bootloader is installed once and stays, so that this
-/// number and kProtocolVersion grow apart.
+/// Version of the layouts in this file. A bootloader is installed once and stays, so this number is
+/// independent of kProtocolVersion.
 constexpr uint8_t kBootloaderProtocolVersion = 1;
 
 enum BootloaderReportId : uint8_t {
@@ -50,14 +50,15 @@ enum BootloaderReportId : uint8_t {
 
 #define TORQUER_FIELD(type, name, meaning) type name;
 #define FIELD_ARRAY(type, name, count, meaning) type name[count];
-/// Read only: what the bootloader is and what it found. MakeSerialNumber() makes the serial number.
+/// Read only: identity of the bootloader, and the state of the application. MakeSerialNumber()
+/// makes the serial number.
 struct __attribute__((packed)) BootloaderStatusReport {
   TORQUER_BOOTLOADER_STATUS_REPORT(TORQUER_FIELD)
 };
-/// Written: the page is erased and programmed before the report is acknowledged; the first one
-/// makes the application invalid. The page of the trailer makes it valid; it is stalled, and the
-/// flash left as it is, if the trailer does not fit the application there, or the board.
-/// Read: the page selected; the one after it is selected then.
+/// A write erases and programs the page before the report is acknowledged. The first page makes the
+/// application invalid, and the page of the trailer makes it valid again. A trailer that does not
+/// match the application or the board gets a stall, and the flash does not change. A read returns
+/// the selected page, and selects the next one.
 struct __attribute__((packed)) PageReport {
   TORQUER_PAGE_REPORT(TORQUER_FIELD)
 };

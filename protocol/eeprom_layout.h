@@ -1,5 +1,5 @@
-// EEPROM layout of the bench device (1024 bytes), for other writers than the firmware: a programmer
-// that gives a new board its serial number, and the emulator.
+// EEPROM layout of the bench device (1024 bytes). The firmware uses it, a programmer that writes
+// the serial number of a new board, and the emulator.
 #pragma once
 
 #include <stddef.h>
@@ -8,7 +8,7 @@
 namespace torquer {
 namespace protocol {
 
-/// Cell 0 is left alone: it is the one that a supply failing during a write most often spoils.
+/// Cell 0 is unused: a supply that fails during a write most often damages this cell.
 constexpr uint16_t kEepromBytes = 1024;
 constexpr uint16_t kEepromSerialAddress = 0x010;                ///< SerialRecord
 constexpr uint16_t kEepromSettingsAddress[2] = {0x040, 0x060};  ///< two copies, one live
@@ -28,8 +28,8 @@ inline uint16_t Crc16(const void* data, uint8_t size) {
   return crc;
 }
 
-/// A serial number given to the board: printable ASCII, zero-padded, at least one character. Where
-/// the CRC is wrong the firmware makes a number from the chip's own lot and wafer data.
+/// A serial number given to the board: printable ASCII, zero-padded, at least one character. If the
+/// CRC is wrong, the firmware makes a number from the chip's lot and wafer data.
 struct __attribute__((packed)) SerialRecord {
   char serial[16];
   uint16_t crc;  ///< Crc16 of `serial`

@@ -1,8 +1,9 @@
-// Layout of a firmware image in the device's flash: the application from address 0, and in its own
-// page a trailer, which is written last and proves that the image is complete.
+// Layout of a firmware image in the device's flash: the application from address 0, and a trailer
+// in a separate page. The trailer is written last and proves that the image is complete.
 //
-// Read by the bootloader, the application's self-test, the build step that fills the trailer in,
-// torquer-flash and the emulator. C++14 under avr-gcc, C++20 on the host, as hid_reports.h.
+// Its readers are the bootloader, the application's self-test, the build step that fills in the
+// trailer, torquer-flash and the emulator. C++14 under avr-gcc, C++20 on the host, as
+// hid_reports.h.
 #pragma once
 
 #include <stddef.h>
@@ -12,17 +13,17 @@ namespace torquer {
 namespace protocol {
 
 constexpr uint16_t kFlashPageBytes = 128;
-/// The application ends below; the page that begins here holds the trailer. The 4 KiB above are
-/// those of the largest bootloader, so that one image fits every board.
+/// Address of the trailer's page; the application ends below it. The 4 KiB above it have room for
+/// the largest bootloader, so that one image fits every board.
 constexpr uint16_t kImageTrailerAddress = 0x6f80;
-/// Our own bootloader, 2 KiB to the end of the flash.
+/// Start of the Torquer bootloader, 2 KiB to the end of the flash.
 constexpr uint16_t kBootloaderAddress = 0x7800;
 constexpr uint16_t kBootloaderBytes = 0x0800;
 
 /// "TQFW"
 constexpr uint32_t kImageMagic = 0x57465154;
 
-/// Circuit that an image is for. A new pin assignment makes a new number.
+/// Circuit of an image. A new pin assignment needs a new number.
 enum ImageBoard : uint8_t {
   kBoardBenchAtmega32u4 = 1,
 };
@@ -52,7 +53,7 @@ constexpr uint8_t CpuMhz(uint8_t clock) {
 // clang-format on
 
 #define TORQUER_FIELD(type, name, meaning) type name;
-/// The last thing to be written: an image whose writing was cut short has none that fits.
+/// The trailer is written last, so an incomplete image has no matching trailer.
 struct __attribute__((packed)) ImageTrailer {
   TORQUER_IMAGE_TRAILER(TORQUER_FIELD)
 };
@@ -68,14 +69,14 @@ constexpr uint32_t kCrc32Xor = 0xffffffff;
 __attribute__((noinline)) inline uint32_t Crc32Step(uint32_t crc, uint8_t byte) {
   crc ^= byte;
   for (uint8_t bit = 0; bit < 8; ++bit) {
-    const uint8_t low = static_cast<uint8_t>(crc);  // one byte: the chip has no wider ones
+    const uint8_t low = static_cast<uint8_t>(crc);  // one byte: the chip has no wider registers
     crc >>= 1;
     if (low & 1) crc ^= 0xedb88320;
   }
   return crc;
 }
 
-/// The CRC that `trailer` must carry, the application's bytes being what `read(address)` returns.
+/// CRC that `trailer` must have. `read(address)` returns the application's bytes.
 template <typename Read>
 uint32_t ImageCrc(const ImageTrailer& trailer, Read read) {
   uint32_t crc = kCrc32Start;

@@ -1,5 +1,5 @@
-// The HID report descriptor of the bench device: one vendor-defined collection with the input
-// report and the feature reports, their lengths taken from the structs in hid_reports.h.
+// HID report descriptor of the bench device: one vendor-defined collection with the input report
+// and the feature reports. The structs in hid_reports.h give their lengths.
 //
 // Usable under avr-gcc, where the bytes live in flash and are read with pgm_read_byte.
 #pragma once
@@ -27,7 +27,7 @@ constexpr uint8_t kHidDeviceUsage = 0x01;
       0x09, (id) + 1,           /* Usage */         \
       0x95, sizeof(report) - 1, /* Report Count */  \
       (main_item), 0x02         /* Input or Feature (data, variable, absolute) */
-// The same for a report of more than 256 bytes: its count has two.
+// The same for a report of more than 256 bytes, whose count has two bytes.
 #define TORQUER_LONG_REPORT_ITEMS(id, report, main_item)                               \
   0x85, (id),                                                       /* Report ID */    \
       0x09, (id) + 1,                                               /* Usage */        \

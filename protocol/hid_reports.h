@@ -1,8 +1,8 @@
-// The reports that the bench device and the host exchange over USB HID: the single definition.
+// Single definition of the reports that the bench device and the host exchange over USB HID.
 //
-// Firmware, daemon, emulator, tools and the tables in README.md all read it from here. It compiles
-// as C++14 under avr-gcc (no standard library there) and as C++20 on the host. Both are
-// little-endian, and the structs are packed, so the bytes on the wire are the bytes in memory.
+// Its readers are firmware, daemon, emulator, tools and the tables in README.md. It compiles as
+// C++14 under avr-gcc (no standard library there) and as C++20 on the host. Both are little-endian,
+// and the structs are packed, so the bytes on the wire are the bytes in memory.
 #pragma once
 
 #include <stddef.h>
@@ -11,8 +11,8 @@
 namespace torquer {
 namespace protocol {
 
-/// Version of every layout in this file. A host refuses a device with another version and names the
-/// command that repairs that. Dated breaks: README.md.
+/// Version of every layout in this file. A host refuses a device with another version, and names
+/// the remedy. README.md has the dated breaks.
 constexpr uint8_t kProtocolVersion = 1;
 
 /// HID report ids (byte 0 of each report).
@@ -30,7 +30,7 @@ enum ReportId : uint8_t {
 enum ReportFlag : uint8_t {
   kFlagMotion = 1 << 0,       ///< the sensor saw motion since the previous report
   kFlagLift = 1 << 1,         ///< the sensor is too far from the cylinder; its counts are in doubt
-  kFlagSensorFault = 1 << 2,  ///< the sensor does not answer as it should; counts stand still
+  kFlagSensorFault = 1 << 2,  ///< the sensor does not answer correctly; counts stand still
   kFlagReference = 1 << 3,    ///< the end switch has closed since the boot: reference_counts holds
   kFlagAtReference = 1 << 4,  ///< the end switch is closed now
   kFlagSromLost = 1 << 5,     ///< the sensor has lost the firmware image that the host had loaded
@@ -138,42 +138,41 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
 struct __attribute__((packed)) InputReport {
   TORQUER_INPUT_REPORT(TORQUER_FIELD)
 };
-/// Feature report, read only: what this device is.
+/// Feature report, read only: identity of the device.
 struct __attribute__((packed)) IdentityReport {
   TORQUER_IDENTITY_REPORT(TORQUER_FIELD)
 };
-/// Feature report, read and write: kept in the device's EEPROM.
+/// Feature report, read and write: settings in the device's EEPROM.
 struct __attribute__((packed)) ConfigurationReport {
   TORQUER_CONFIGURATION_REPORT(TORQUER_FIELD)
 };
-/// Feature report, read only: what has happened to the device since its last reset.
+/// Feature report, read only: counters and faults since the device's last reset.
 struct __attribute__((packed)) DiagnosticsReport {
   TORQUER_DIAGNOSTICS_REPORT(TORQUER_FIELD)
 };
-/// Feature report, write only: asks the device to do something once.
+/// Feature report, write only: a command to the device.
 struct __attribute__((packed)) CommandReport {
   TORQUER_COMMAND_REPORT(TORQUER_FIELD)
 };
-/// Feature report, write only: a firmware image for the sensor, in one transfer. The device asks
-/// for its bytes as it hands them on, and acknowledges once the sensor runs the image; it stalls if
-/// the sensor does not take it. The sensor forgets it without power and when it resets.
+/// Feature report, write only: a firmware image for the sensor, in one transfer. The device takes
+/// its bytes at the speed of the sensor, and acknowledges once the sensor runs the image. It stalls
+/// if the sensor refuses the image. The sensor loses the image without power and by a reset.
 struct __attribute__((packed)) SromReport {
   TORQUER_SROM_REPORT(TORQUER_FIELD)
 };
-/// Feature report, read only: what the sensor's camera sees. Taken when it is asked for, which
-/// takes up to a second; the sensor is started again after it, and a firmware image of the host's
-/// is lost.
+/// Feature report, read only: picture of the sensor's camera. A request takes the picture, within a
+/// second. The sensor then starts again, and loses a firmware image from the host.
 struct __attribute__((packed)) PictureReport {
   TORQUER_PICTURE_REPORT(TORQUER_FIELD)
 };
 #undef TORQUER_FIELD
 #undef FIELD_ARRAY
 
-/// Length of the longest report: a host may pad every feature report that it writes up to here.
+/// Length of the longest report. A host may pad every feature report that it writes to this length.
 constexpr uint16_t kLongestReportBytes = sizeof(SromReport);
 
-/// Bits of DiagnosticsReport::reset_reason: MCUSR at the start. Arduino's bootloader clears it:
-/// then the firmware reports what the memory shows, with kResetDerived, or 0.
+/// Bits of DiagnosticsReport::reset_reason: MCUSR at the start. Arduino's bootloader clears MCUSR.
+/// The firmware then reports the cause that the memory shows, with kResetDerived, or 0.
 enum ResetReason : uint8_t {
   kResetPower = 1 << 0,
   kResetPin = 1 << 1,
@@ -193,7 +192,7 @@ enum Capability : uint8_t {
 /// Values of DiagnosticsReport::sensor_fault_cause.
 enum SensorFaultCause : uint8_t {
   kSensorNoFault = 0,
-  kSensorSilent = 1,       ///< a row of equal bytes: no power, a broken wire
+  kSensorSilent = 1,       ///< equal bytes in a row: no power, a broken wire
   kSensorForeign = 2,      ///< another product id
   kSensorReset = 3,        ///< it has reset itself: its configuration, or its Observation, is gone
   kSensorFrozen = 4,       ///< it takes no frames
@@ -206,7 +205,7 @@ enum Command : uint8_t {
   kCommandEnterBootloader = 2,  ///< restart into the bootloader
   kCommandReset = 3,            ///< restart the firmware
 };
-constexpr uint16_t kCommandKey = 0x7154;  // "Tq", so that a stray write does nothing
+constexpr uint16_t kCommandKey = 0x7154;  // "Tq", so that a stray write has no effect
 
 static_assert(sizeof(InputReport) == 32, "one USB packet");
 static_assert(offsetof(InputReport, axial_counts) == 11, "see the byte table in README.md");

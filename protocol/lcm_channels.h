@@ -27,14 +27,13 @@ inline constexpr const char* kChannels[] = {kDeviceSampleChannel,   kInstrumentC
                                             kHandMotionChannel,     kEmulatorTruthChannel,
                                             kImagingCommandChannel, kLateralPictureChannel};
 
-/// Version of the message types: a change of one of them makes a new one (protocol/README.md).
+/// Version of the message types: any change of a type needs a new version (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 3;
 
-/// Name of the instrument that a program means where none is given.
+/// Default name of an instrument.
 inline constexpr char kGuidewire[] = "guidewire";
 
-/// The number of the command after that with `sequence`, >= 0: one more, and zero after the
-/// largest.
+/// Number of the command after `sequence`, >= 0: one more, and zero after the largest.
 constexpr std::int64_t NextSequence(std::int64_t sequence) {
   return static_cast<std::int64_t>((static_cast<std::uint64_t>(sequence) + 1) & INT64_MAX);
 }
@@ -50,21 +49,21 @@ enum InstrumentFlag : std::int32_t {
 
 /// imaging_command_t::mode.
 enum ImagingMode : std::int32_t {
-  kImagingAsScene = 0,      ///< as the scene's `mode` says
+  kImagingAsScene = 0,      ///< the scene's `mode`
   kImagingPlain = 1,        ///< as the detector sees it
-  kImagingSubtraction = 2,  ///< less the first picture since the pedal went down
-  kImagingRoadmap = 3,      ///< that, with the densest dye so far as a bright map
+  kImagingSubtraction = 2,  ///< minus the first picture since the pedal went down
+  kImagingRoadmap = 3,      ///< subtraction, with the densest dye so far as a bright map
 };
 
 /// Bits of wire_state_t::status.
 enum WireStatus : std::int32_t {
   kWireConverged = 1 << 0,     ///< residual below the scene's tolerance
-  kWireBudgetSpent = 1 << 1,   ///< the tick ended for lack of time, not at equilibrium
+  kWireBudgetSpent = 1 << 1,   ///< the tick's time was up before equilibrium
   kWireOutsideLumen = 1 << 2,  ///< the center of an instrument is beyond the wall
   kWireSnapped = 1 << 3,       ///< the tip moved much farther than the action explains
   kWireInputRefused = 1 << 4,  ///< a command was not finite or out of range; the last one stands
-  kWireInDoubt = 1 << 5,    ///< a command carries lift, fault or no device, or none comes any more
-  kWireStalled = 1 << 6,    ///< out of balance, and no step that was tried came nearer to it
+  kWireInDoubt = 1 << 5,  ///< a command reports lift, fault or no device, or commands have stopped
+  kWireStalled = 1 << 6,  ///< out of balance, and no attempted step reduced the residual
   kWireLeftModel = 1 << 7,  ///< an instrument is held at an outlet, where the vessel's model ends
 };
 

@@ -10,8 +10,8 @@ namespace torquer {
 namespace protocol {
 
 constexpr uint8_t kSerialBytes = sizeof(SerialRecord::serial);
-/// Bytes of lot, wafer and position that the factory leaves in the chip's signature row; all 0xff
-/// where none are.
+/// Bytes of lot, wafer and position in the chip's signature row, from the factory; all 0xff if it
+/// wrote none.
 constexpr uint8_t kChipSerialBytes = 10;
 constexpr uint8_t kChipSerialAddress = 0x0e;
 
@@ -34,8 +34,8 @@ inline char* AppendHex(uint16_t value, char* out) {
   return out;
 }
 
-/// Fills `serial`, zero-padded: the number given in EEPROM if it is valid, else "TQ-" and eight
-/// digits made of the chip's own, else "TQ-00000000".
+/// Fills `serial`, zero-padded. A valid number in the EEPROM comes first. Otherwise the number is
+/// "TQ-" and eight digits made of the chip's bytes. Without such bytes it is "TQ-00000000".
 inline void MakeSerialNumber(const SerialRecord& given, const uint8_t chip[kChipSerialBytes],
                              char serial[kSerialBytes]) {
   if (IsGivenNumber(given)) {

@@ -15,7 +15,7 @@ enum class SocketPacket : uint8_t {
   kInput = 'I',       ///< device to host: an InputReport
   kGetFeature = 'G',  ///< host to device: one byte, the report id
   kSetFeature = 'S',  ///< host to device: a feature report
-  kFeature = 'F',     ///< device to host: the feature report asked for
+  kFeature = 'F',     ///< device to host: the requested feature report
   kDone = 'D',        ///< device to host: the feature report was taken
   kStall = 'X',       ///< device to host: the request was refused, as by a USB STALL
 };

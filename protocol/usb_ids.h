@@ -3,13 +3,13 @@
 
 #include <stdint.h>
 
-// The ids, by the build option TORQUER_USB_IDS (CMakeLists.txt). The default ones are test ids of
-// pid.codes: for a device on one's own desk. They must not be sold or given away in a device
-// (https://pid.codes/1209/0001/); hardware/usb_id_application.md asks for ids of our own.
+// USB ids, chosen by the build option TORQUER_USB_IDS (CMakeLists.txt). The default is a pair of
+// test ids of pid.codes, for private use. A device with test ids must not be sold or given away
+// (https://pid.codes/1209/0001/); hardware/usb_id_application.md applies for ids of the project.
 namespace torquer {
 namespace protocol {
 
-/// The product string tells the device from others with the same test ids.
+/// The product string distinguishes the device from others with the same test ids.
 #if defined(TORQUER_USB_VENDOR_ID)
 constexpr uint16_t kUsbVendorId = TORQUER_USB_VENDOR_ID;
 constexpr uint16_t kUsbProductId = TORQUER_USB_PRODUCT_ID;

@@ -1,9 +1,9 @@
-// Port contract: the functions that the portable firmware requires of a board. Its USB is another
-// contract: firmware/src/usb_stack.h, in whole reports.
+// Port contract: the functions that the portable firmware requires of a board. The USB has a
+// separate contract, in whole reports: firmware/src/usb_stack.h.
 //
-// One implementation a chip (atmega32u4/), and a simulated one for the unit tests on the PC
-// (tests/firmware/fake_board.cpp); the linker chooses. Every function returns within the time it
-// states; none waits for something outside the chip.
+// Each chip has an implementation (atmega32u4/), and the unit tests on the PC have a simulated one
+// (tests/firmware/fake_board.cpp). The linker chooses. Every function returns within its stated
+// time; no function waits for anything outside the chip.
 #pragma once
 
 #include <stdint.h>
@@ -22,21 +22,21 @@ void DelayUs(uint16_t us);
 /// True once for each USB start of frame; `start_us` is when the frame began.
 bool TakeFrameStart(uint32_t* start_us);
 
-/// Sleeps until there is something to do, at most about 130 ms; returns at once if there is. While
-/// the bus is suspended it sleeps deeply, with everything stopped but what wakes it: until the bus
-/// comes to life, and at most kSuspendedTickUs, by which NowUs() then has gone on.
+/// Sleeps until there is work, at most about 130 ms; returns at once if work is pending. While the
+/// bus is suspended, the sleep is deep: only the wake-up sources run. A deep sleep ends with bus
+/// activity, or after kSuspendedTickUs, by which NowUs() then advances.
 void Idle();
 constexpr uint16_t kSuspendedTickUs = 32000;  ///< nominally; the watchdog's oscillator is coarse
 
-/// The host has left the bus idle for 3 ms: the device must soon draw next to nothing. Idle()
-/// begins and ends its deep sleep by the answer given here last.
+/// True if the host has left the bus idle for 3 ms: the device must soon draw almost no current.
+/// The last result of this function decides if Idle() sleeps deeply.
 bool BusSuspended();
 
-/// Wakes the host on a suspended bus, which BusSuspended() then is no more; it is again if the host
-/// does not answer within about a tenth of a second.
+/// Wakes the host on a suspended bus. BusSuspended() then returns false, and true again if the host
+/// does not answer within about 0.1 s.
 void WakeHost();
 
-/// To be called at least every 250 ms, else the chip resets.
+/// Call at least every 250 ms, or the chip resets.
 void KickWatchdog();
 
 /// Resets the chip through the watchdog.
@@ -52,8 +52,8 @@ uint8_t ResetReason();
 uint8_t LoadWarmByte(bool* valid);
 void StoreWarmByte(uint8_t value);
 
-/// Looks at a few bytes of the painted stack; once a sweep is complete the result is current.
-/// Returns the bytes of stack never used since the reset.
+/// Checks a few bytes of the painted stack; a complete sweep updates the result. Returns the bytes
+/// of stack that were never used since the reset.
 uint16_t StackHeadroom();
 
 /// Crystal and CPU clock, as protocol::ClockCode().
@@ -61,7 +61,8 @@ uint8_t ClockCode();
 /// protocol::ImageBoard.
 uint8_t Board();
 
-/// Ten bytes of lot, wafer and position that the factory left in the chip; all 0xff where none.
+/// Ten bytes of lot, wafer and position that the factory stored in the chip; all 0xff if it stored
+/// none.
 void ReadChipSerial(uint8_t serial[10]);
 
 uint8_t ReadFlash(const uint8_t* address);
@@ -74,7 +75,7 @@ bool ApplicationIsWhole();
 
 void SelectSensor(bool selected);
 uint8_t TransferSpi(uint8_t byte);
-/// The same, no sooner than `gap_us` (1 .. 100) after the last such byte.
+/// The same, at least `gap_us` (1 .. 100) after the previous byte of this function.
 uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us);
 /// Reads `count` bytes one after the other, and sends zeros meanwhile.
 void ReadSpi(uint8_t* bytes, uint8_t count);
@@ -91,8 +92,8 @@ void BeginAdc(Analog input);
 /// The result of the conversion begun last, 0 .. 1023; waits for its end, at most 110 us.
 uint16_t FinishAdc();
 
-/// The pins as they are now, as protocol::Button bits and kReferenceSwitch, 1 while closed; bounces
-/// included.
+/// Present state of the pins, with bounces: protocol::Button bits and kReferenceSwitch, 1 while
+/// closed.
 uint8_t ReadButtons();
 constexpr uint8_t kReferenceSwitch = 1 << 3;
 

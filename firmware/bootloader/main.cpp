@@ -1,5 +1,5 @@
-// The bootloader: decides at each reset whether the application is started, and if not, lets the
-// host replace it. README.md says why it cannot be got rid of by a cut cable.
+// The bootloader. At each reset it starts the application or lets the host replace it. README.md
+// explains why the bootloader survives an interrupted update.
 #include <avr/io.h>
 #include <avr/wdt.h>
 
@@ -15,8 +15,8 @@ const uint32_t torquer_cpu_hz = F_CPU;
 extern const uint32_t torquer_crystal_hz TORQUER_IN_FLASH;
 const uint32_t torquer_crystal_hz = TORQUER_CRYSTAL_HZ;
 
-// The only vector: the bootloader uses no interrupts. It has no static variables, so it leaves
-// those that the application keeps over a reset unchanged.
+// The only vector: the bootloader uses no interrupts. It has no static variables, so the data that
+// the application keeps over a reset stay unchanged.
 void torquer_reset_vector() __attribute__((naked, used, section(".vectors")));
 void torquer_reset_vector() { asm volatile("rjmp torquer_start"); }
 void torquer_start() __attribute__((naked, used, section(".init0")));
@@ -33,8 +33,8 @@ namespace torquer {
 namespace bootloader {
 namespace {
 
-// True if the firmware or the reset pin alone requests the bootloader. A slow supply sets the reset
-// pin's flag beside its own.
+// True if the firmware or the reset pin alone requests the bootloader. A slowly rising supply sets
+// the flag of the reset pin in addition to the flags of the supply.
 bool StayWanted() {
   volatile uint16_t* const key =
       reinterpret_cast<volatile uint16_t*>(protocol::kBootloaderKeyAddress);

@@ -26,9 +26,9 @@ constexpr uint8_t kPacketBytes = protocol::kControlPacketBytes;
 constexpr uint8_t kPacket32 = _BV(EPSIZE1);  // endpoint size code
 static_assert(kPacketBytes == 32, "kPacket32");
 
-// bRequest, with direction and type of bmRequestType above it: those of chapter 9 of USB 2.0, but
-// SET_DESCRIPTOR, which is optional, and SYNCH_FRAME, which only isochronous endpoints have; then
-// those of HID.
+// Requests: bRequest, with direction and type of bmRequestType in the upper byte. First the
+// requests of USB 2.0, chapter 9, without SET_DESCRIPTOR (optional) and SYNCH_FRAME (isochronous
+// endpoints only). Then the requests of HID.
 enum Request : uint8_t {
   kGetStatus = 0x80,
   kClearFeature = 0x01,
@@ -69,7 +69,7 @@ constexpr uint8_t kDeviceDescriptor[] TORQUER_IN_FLASH = {
     1,                             // configurations
 };
 
-// An interrupt endpoint that never has anything: HID drivers ask for one.
+// An interrupt endpoint that never sends data: HID drivers require one.
 constexpr uint8_t kConfigurationDescriptor[] TORQUER_IN_FLASH = {
     9, firmware::kConfigurationDescriptorType, 34, 0, 1, 1, 0, 0x80, 100 / 2,
     9, firmware::kInterfaceDescriptorType, 0, 0, 1, 0x03, 0, 0, 0,
@@ -265,7 +265,7 @@ bool UsbServer::SendReport() {
   return true;
 }
 
-// Sends what the host has asked for of `size` bytes; the host may end the transfer early.
+// Sends the requested part of `size` bytes; the host may end the transfer early.
 void UsbServer::Send(const uint8_t* data, uint8_t size, bool in_flash) {
   // The host knows the end by the length it asked for, or by a packet that is not full.
   const bool all_wanted = setup_.length <= size;
@@ -273,8 +273,8 @@ void UsbServer::Send(const uint8_t* data, uint8_t size, bool in_flash) {
   bool ended = false;
   while (!Superseded()) {
     const uint8_t flags = UEINTX;
-    // The host has had enough. Its empty packet is left to lie until the next SETUP packet, which
-    // may come at any moment and must not be taken away with it.
+    // The host has ended the transfer. Its empty packet stays until the next SETUP packet. Removing
+    // it could remove a SETUP packet that arrives at the same moment.
     if (flags & _BV(RXOUTI)) return;
     if (ended || !(flags & _BV(TXINI))) continue;
     uint8_t packet = size < kPacketBytes ? size : kPacketBytes;
@@ -294,7 +294,7 @@ bool UsbServer::TakeReport() {
       const uint8_t byte = UEDATX;
       if (received < sizeof(report_)) report_.bytes[received++] = byte;
     }
-    if (Superseded()) return true;  // with the flag a SETUP packet would be taken away
+    if (Superseded()) return true;  // clearing the flag could remove a SETUP packet
     UEINTX = static_cast<uint8_t>(~_BV(RXOUTI));
   }
   if (!Execute()) return false;
@@ -302,7 +302,7 @@ bool UsbServer::TakeReport() {
   return true;
 }
 
-// Does what the report asks for; false if it cannot be done.
+// Carries out the report's command; false if it fails.
 bool UsbServer::Execute() {
   // A host may pad a report to the length of the longest, which is the page.
   if (report_.bytes[0] == protocol::kPageReportId && setup_.length == sizeof(report_.page)) {

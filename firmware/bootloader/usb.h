@@ -9,10 +9,10 @@
 namespace torquer {
 namespace bootloader {
 
-/// All of its state is on the stack of main(), so that no variable of the application's is touched.
+/// All of its state is on the stack of main(), so that no variable of the application changes.
 class UsbServer {
  public:
-  /// Attaches to the bus. `application_valid` is what the start found.
+  /// Attaches to the bus. `application_valid`: result of the check at the start.
   explicit UsbServer(bool application_valid);
 
   /// Serves the host until it asks for a restart, and leaves the bus.

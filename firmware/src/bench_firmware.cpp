@@ -11,8 +11,7 @@ namespace torquer {
 namespace firmware {
 namespace {
 
-// Between accepting a command that restarts the device and doing so: the host sees its request
-// acknowledged first.
+// Delay between a restart command and the restart, so that the host first sees the acknowledgment.
 constexpr uint32_t kCommandDelayUs = 10000;
 
 constexpr uint16_t kFrameUs = 1000;
@@ -63,8 +62,8 @@ void BenchFirmware::ServeControl() {
   }
 }
 
-// A firmware image on its way from the host to the sensor: nothing else until it is there, and
-// frames go by.
+// While a firmware image passes from the host to the sensor, the device does nothing else and skips
+// frames.
 void BenchFirmware::Stream() {
   do {
     board::KickWatchdog();
@@ -124,8 +123,8 @@ void BenchFirmware::Frame() {
     }
   }
 
-  // One of the longer jobs a frame: a control request, a byte of the settings, the sensor's upkeep.
-  // A host that never stops asking does not keep the others from their turn.
+  // Does one of the longer jobs per frame: a control request, a byte of the settings, or the
+  // sensor's upkeep. A host that sends requests without a pause does not block the other jobs.
   sensor_.SetCpi(settings_.cpi());
   if (!usb_.Poll() || ++waived_frames_ >= kMostWaivedFrames) {
     waived_frames_ = 0;
@@ -137,7 +136,7 @@ void BenchFirmware::Frame() {
 void BenchFirmware::RunPendingCommand() {
   if (pending_command_ == 0) return;
   if (static_cast<int32_t>(board::NowUs() - command_at_us_) < 0) return;
-  // The host takes its settings for kept. That needs two writes of some 40 ms at most.
+  // The host relies on stored settings. Storing them takes at most two writes of about 40 ms.
   if (!settings_.kept()) {
     settings_.Poll();
     return;

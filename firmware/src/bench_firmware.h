@@ -1,4 +1,4 @@
-// The firmware as a whole: what happens at the start and in every USB frame.
+// The firmware as a whole: its start, and its work in every USB frame.
 #pragma once
 
 #include <stdint.h>
@@ -17,7 +17,7 @@ namespace firmware {
 
 class BenchFirmware final : public ReportHandler {
  public:
-  /// `sensor_reports` are those of `sensor`. All arguments must outlive this object.
+  /// `sensor_reports`: the long reports of `sensor`. All arguments must outlive this object.
   BenchFirmware(MotionSensor& sensor, SensorReports& sensor_reports, UsbStack& usb)
       : sensor_(sensor), service_(sensor_reports), usb_(usb) {}
 

@@ -1,4 +1,5 @@
-// A number that differs between a boot and the one before, so that no reset goes unseen.
+// Boot id: a number that differs from that of the previous boot, so that the host detects every
+// reset.
 #pragma once
 
 #include <stdint.h>
@@ -6,9 +7,9 @@
 namespace torquer {
 namespace firmware {
 
-/// To be called once at the start. The upper five bits count power-ons and are kept in one EEPROM
-/// cell, written once a power-on (the cell is good for 100,000 of them); the lower three count the
-/// resets in between, in memory that a reset leaves alone, and cost no wear.
+/// Call once at the start. The upper five bits count power-ons. They are in one EEPROM cell,
+/// written once per power-on; the cell lasts 100,000 writes. The lower three bits count the resets
+/// since then, in memory that a reset does not change.
 uint8_t NextBootId();
 
 }  // namespace firmware

@@ -8,8 +8,9 @@ namespace firmware {
 
 class Buttons {
  public:
-  /// Readings in a row that must agree before a change counts: one a millisecond while the bus is
-  /// awake, which a foot switch's bounces do not reach; one every 32 ms while it is suspended.
+  /// Equal consecutive readings before a change counts. A reading takes place every millisecond,
+  /// and every 32 ms while the bus is suspended. The bounces of a foot switch are shorter than
+  /// these readings.
   static constexpr uint8_t kStableReadings = 10;
   static constexpr uint8_t kStableReadingsSuspended = 2;
 
@@ -21,7 +22,7 @@ class Buttons {
  private:
   static constexpr uint8_t kCount = 4;
   uint8_t held_ = 0;
-  bool counting_ = false;           // a reading has differed, and not all have agreed since
+  bool counting_ = false;           // a reading has differed, and the change is not confirmed yet
   uint8_t differing_[kCount] = {};  // readings in a row that differ from held_
 };
 

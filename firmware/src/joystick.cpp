@@ -12,7 +12,7 @@ uint16_t Gain(uint16_t reported, uint16_t read) {
   return static_cast<uint16_t>((static_cast<uint32_t>(reported) << kGainBits) / read);
 }
 
-// Rounded to the nearest; the shift of 16 bits costs nothing.
+// Rounds to the nearest; the shift by 16 bits takes no instruction.
 uint16_t Stretch(uint16_t distance, uint16_t gain) {
   const uint32_t twice = (static_cast<uint32_t>(distance) * gain) << 1;
   return static_cast<uint16_t>((twice + 0x8000) >> 16);
@@ -84,7 +84,7 @@ void Joystick::EndFrame() {
 }
 
 uint16_t Joystick::supply_mv() const {
-  // 16 bits suffice for steps of kStep_mv: a division of 32 takes the time of a tenth of a frame.
+  // 16 bits suffice for steps of kStep_mv. A division of 32 bits would take a tenth of a frame.
   constexpr uint16_t kStep_mv = 20;
   constexpr uint16_t kSteps =
       static_cast<uint16_t>(static_cast<uint32_t>(board::kBandGap_mv) * 1024 / kStep_mv);

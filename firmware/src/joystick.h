@@ -1,5 +1,5 @@
-// The two joystick axes: conversions that run beside the sensor's burst, the position at rest, and
-// the dead zone around it; now and then, in their place, the chip's supply.
+// The two joystick axes: their conversions, position at rest and dead zone. Conversions run during
+// the sensor's burst. In every 256th frame the chip's supply is measured instead.
 #pragma once
 
 #include <stdint.h>
@@ -9,22 +9,22 @@
 namespace torquer {
 namespace firmware {
 
-/// One axis. A stick does not rest at half of its range: its rest is measured at the start,
-/// reported as 512, and each side of it stretched to its end.
+/// One axis. The rest of a stick is not the middle of its range. So the rest is measured at the
+/// start and reported as 512, and each side is scaled to its end.
 class JoystickAxis {
  public:
   static constexpr uint16_t kMiddle = 512;
   static constexpr uint16_t kFullScale = 1023;
-  /// A rest farther from the middle, or readings that spread wider, are taken for a stick that is
-  /// held: its middle then is 512.
+  /// If the rest is farther from the middle, or if the readings spread wider, the stick counts as
+  /// held. Its middle is then 512.
   static constexpr uint16_t kLargestOffset = 120;
   static constexpr uint16_t kLargestSpread = 16;
   static constexpr uint8_t kRestReadings = 64;
 
-  /// `head_start` readings are taken for done, so that two axes do not measure in the same frame.
+  /// `head_start` readings count as done, so that two axes do not measure in the same frame.
   explicit JoystickAxis(uint8_t head_start) : readings_(head_start) {}
 
-  /// A reading, 0 .. 1023. The first ones are thrown away, the next measure the rest.
+  /// Takes a reading, 0 .. 1023. The first readings are discarded, the next ones measure the rest.
   void Take(uint16_t value);
   /// The reading as reported: 512 within `deadzone` counts of the rest, 0 and 1023 at the ends.
   uint16_t Report(uint16_t deadzone) const;
@@ -48,10 +48,10 @@ class JoystickAxis {
 
 class Joystick {
  public:
-  /// To be called before the first frame, and before the first after a suspension.
+  /// Call before the first frame, and before the first frame after a suspension.
   void Start();
-  /// Begins a frame: fetches y, converted since the end of the frame before, and begins x. In every
-  /// 256th frame the supply takes the place of x, and of the y of the next frame.
+  /// Begins a frame: fetches y, whose conversion began in the previous frame, and begins x. In
+  /// every 256th frame the supply replaces x and the y of the next frame.
   void BeginFrame();
   /// Fetches x and begins the y of the next frame.
   void EndFrame();

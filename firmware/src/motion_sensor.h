@@ -22,43 +22,44 @@ struct MotionSample {
 
 class MotionSensor {
  public:
-  /// To be called once, at power-up. The calls of Maintain() that follow start the sensor; until it
-  /// runs, Read() reports a fault.
+  /// Call once, at power-up. The next calls of Maintain() start the sensor; until it runs, Read()
+  /// reports a fault.
   virtual void Start(uint16_t cpi) = 0;
 
-  /// Takes the newest motion, now. To be called once a frame, and Read() after it: something short
-  /// can be done in between, for which the sensor needs some 40 us.
+  /// Latches the newest motion. Call once a frame, and Read() about 40 us later: the sensor needs
+  /// that time, which other short work can use.
   virtual void BeginRead() = 0;
   /// Reads the motion; takes at most 120 us.
   virtual MotionSample Read() = 0;
 
-  /// Starting, checking and, after a fault, starting again: one step a call, at most 450 us. To be
-  /// called once a frame, after the report is on its way; one may be left out if time is short.
+  /// Starts and checks the sensor, and starts it again after a fault: one step per call, at most
+  /// 450 us. Call once a frame, after the report is queued; a frame that is short of time may omit
+  /// the call.
   virtual void Maintain() = 0;
 
-  /// From now on the sensor is not to draw current: Maintain() sends it to sleep as soon as it can
-  /// be spoken to. Read() reports a fault.
+  /// Puts the sensor to sleep, so that it draws no current. Maintain() does so as soon as the
+  /// sensor accepts commands. Read() reports a fault.
   virtual void Sleep() = 0;
-  /// Ends that; the sensor is started as at power-up.
+  /// Ends the sleep; the sensor starts as at power-up.
   virtual void Wake() = 0;
 
-  /// Counts an inch from now on; takes effect within a few frames.
+  /// Sets the counts per inch; takes effect within a few frames.
   virtual void SetCpi(uint16_t cpi) = 0;
-  /// Counts per inch to which the sensor is set.
+  /// Present counts per inch.
   virtual uint16_t cpi() const = 0;
 
   virtual uint8_t product_id() const = 0;  ///< 0 when none answers
   virtual uint8_t revision() const = 0;    ///< 0 when none answers
   virtual uint16_t restarts() const = 0;   ///< after the first start; saturates
   virtual bool running() const = 0;
-  /// Times that it had reset itself; saturates.
+  /// Spontaneous resets of the sensor; saturates.
   virtual uint16_t self_resets() const = 0;
   virtual protocol::SensorFaultCause fault_cause() const = 0;  ///< of the latest fault
-  /// Its register of that name when it was started; 0 where it has none.
+  /// The sensor's register of that name at the last start; 0 if the sensor has none.
   virtual uint8_t observation() const = 0;
-  /// The number of the firmware image that the sensor runs; 0: its ROM.
+  /// Number of the firmware image that the sensor runs; 0 if it runs its ROM.
   virtual uint8_t srom_id() const = 0;
-  /// The sensor has lost an image by a reset, and no other has been loaded since.
+  /// True if the sensor has lost an image by a reset, and no image has been loaded since.
   virtual bool srom_lost() const = 0;
 
  protected:
@@ -73,7 +74,7 @@ class SensorReports : public LongReportHandler {
   /// Continues the current job; true during a burst to the sensor. Then only the USB is polled and
   /// Run() is called; all other work waits. Call at every step.
   virtual bool Run() = 0;
-  /// protocol::Capability bits of what it can do.
+  /// Supported long reports, as protocol::Capability bits.
   virtual uint8_t capabilities() const = 0;
 
  protected:

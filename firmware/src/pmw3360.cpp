@@ -88,7 +88,7 @@ MotionSample Pmw3360::Read() {
   uint8_t burst[kBurstBytes];
   bus_.FinishMotion(burst);
 
-  // A sensor without power, or a broken wire, gives a row of equal bytes; a living one never does:
+  // An unpowered sensor or a broken wire gives equal bytes in a row. A working sensor never does:
   // its pixel maximum is above its minimum.
   if (Uniform(burst)) {
     if (++bad_readings_ >= kBadReadingsToRestart) Fail(protocol::kSensorSilent);
@@ -131,7 +131,7 @@ MotionSample Pmw3360::Read() {
 void Pmw3360::Maintain() {
   const uint32_t now_us = board::NowUs();
   if (static_cast<int32_t>(now_us - resume_at_us_) < 0) return;
-  resume_at_us_ = now_us;  // an old time would seem to lie ahead once the clock has wrapped
+  resume_at_us_ = now_us;  // after a wrap of the clock an old time would appear to be in the future
   switch (state_) {
     case State::kWaitToReset:
       bus_.Write(kPowerUpReset, kResetKey);
@@ -325,7 +325,7 @@ void Pmw3360::CheckHealth() {
     return;
   }
   if (bad_readings_ == 0) backoff_ms_ = kFirstBackoffMs;
-  ArmBurst();  // any other access has ended that
+  ArmBurst();  // any other access ends the burst mode
 }
 
 void Pmw3360::ArmBurst() { bus_.Write(kMotionBurst, 0x00); }
@@ -353,14 +353,14 @@ bool Pmw3360::RequestPicture() {
 void Pmw3360::EndPicture() {
   if (!picture_wanted_) return;
   picture_wanted_ = false;
-  // A picture that was not begun has not disturbed anything.
+  // A picture that was not begun needs no restart of the sensor.
   if (state_ != State::kRunning) Restart();
 }
 
 void Pmw3360::Sleep() {
   ForgetSrom();
   srom_wanted_ = picture_wanted_ = false;
-  // After power-up or a reset resume_at_us_ is when it may be spoken to.
+  // After power-up or a reset, resume_at_us_ is the time of the first allowed access.
   state_ = shut_down_ ? State::kAsleep : State::kShutDown;
   bad_readings_ = 0;
 }
@@ -383,11 +383,11 @@ void Pmw3360::Fail(protocol::SensorFaultCause cause) {
   if (cause == protocol::kSensorReset) CountUp(&self_resets_);
   fault_cause_ = cause;
   const bool was_running = state_ == State::kRunning;
-  // The product id of a foreign sensor is worth reporting; values read without any sensor are not.
+  // The id of an unknown sensor is reported. Values that were read without a sensor are not.
   if (cause != protocol::kSensorForeign || was_running) product_id_ = revision_ = 0;
   srom_wanted_ = picture_wanted_ = false;
   Restart();
-  // A sensor that has reset itself answers, and is started at once.
+  // A sensor that has reset itself still answers, so it is started at once.
   if (was_running && cause == protocol::kSensorReset) return;
   WaitThen(State::kWaitToReset, static_cast<uint32_t>(backoff_ms_) * 1000);
   if (backoff_ms_ < kLastBackoffMs) backoff_ms_ = static_cast<uint16_t>(backoff_ms_ * 2);

@@ -1,5 +1,5 @@
-// Driver of the PixArt PMW3360 and PMW3389: start-up, motion, and the watch over a sensor that may
-// reset itself. The two differ in id and in the register of the resolution.
+// Driver of the PixArt PMW3360 and PMW3389: start-up, motion, and checks for a spontaneous reset of
+// the sensor. The two types differ in id and in the register of the resolution.
 #pragma once
 
 #include "firmware/src/motion_sensor.h"
@@ -30,18 +30,19 @@ class Pmw3360 final : public MotionSensor {
   bool srom_lost() const override { return srom_lost_; }
 
   /// --- for SensorService ---------------------------------------------------------------------
-  /// Starts the sensor again, and stops where it waits for a firmware image.
+  /// Starts the sensor again, up to the point at which it waits for a firmware image.
   void RequestSrom();
   bool AwaitsSrom() const { return state_ == State::kAwaitSrom; }
-  /// The image has been sent; running() and srom_id() will say what the sensor made of it.
+  /// Call when the image has been sent. running() and srom_id() then show if the sensor has
+  /// accepted it.
   void SromSent();
-  /// The image will not come, or not to its end. The sensor is started without.
+  /// Call if the image will not come, or not completely. The sensor starts without it.
   void AbandonSrom();
   /// Takes a picture, once the sensor has run long enough; false if it does not run.
   bool RequestPicture();
   bool picture_wanted() const { return picture_wanted_; }
   bool PictureReady() const { return state_ == State::kPictureReady; }
-  /// Ends that: the sensor is started again.
+  /// Ends the picture: the sensor starts again.
   void EndPicture();
   /// True once the start after an image or a picture is over, whether it succeeded or failed.
   bool Settled() const { return state_ == State::kRunning || state_ == State::kWaitToReset; }

@@ -1,4 +1,4 @@
-// Registers and bursts of the PMW3360 over the board's SPI, with the times that they want.
+// Registers and bursts of the PMW3360 over the board's SPI, with the required pauses.
 #pragma once
 
 #include <stdint.h>
@@ -14,18 +14,18 @@ class Pmw3360Bus {
   uint8_t Read(uint8_t address);
   void Write(uint8_t address, uint8_t value);
 
-  /// A motion burst, in two parts, between which something else can be done: what it holds is taken
-  /// in the first. To be armed by a write to kMotionBurst since the last other access.
+  /// A motion burst in two parts; other work may be done between them. The first part latches the
+  /// motion. A write to kMotionBurst must arm the burst after any other access.
   void BeginMotion();
   void FinishMotion(uint8_t burst[pmw3360::kBurstBytes]);
 
-  /// A burst of many bytes: its first byte goes out (`address` with kWriteBit for a write).
+  /// Begins a burst of many bytes by sending its first byte: `address`, with kWriteBit for a write.
   void BeginLongBurst(uint8_t address);
-  /// The next byte, both ways, no sooner than the data sheet wants it.
+  /// Exchanges the next byte, after the pause that the data sheet requires.
   static uint8_t ExchangeInLongBurst(uint8_t byte) {
     return board::TransferSpiAfter(byte, pmw3360::kLongBurstByte);
   }
-  /// `pause_us` is what the sensor needs before the next access.
+  /// `pause_us`: minimum time before the next access.
   void EndLongBurst(uint16_t pause_us);
 
  private:

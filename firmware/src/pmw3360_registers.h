@@ -1,5 +1,5 @@
-// The PMW3360 by its data sheet, version 1.50: registers, keys and times. Those of the PMW3389 that
-// are used here are the same, except where noted.
+// Registers, keys and times of the PMW3360, from its data sheet, version 1.50. The PMW3389 has the
+// same values, except where noted.
 #pragma once
 
 #include <stdint.h>

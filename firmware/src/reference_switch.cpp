@@ -21,7 +21,7 @@ void ReferenceSwitch::Update(bool contact, bool closed, int32_t axial_counts) {
   } else if (open_readings_ < kQuietReadings) {
     ++open_readings_;
   }
-  // A switch that was closed when the device started has not shown where it closes.
+  // A switch that was closed at the start gives no position of the closing.
   if (closed && !closed_ && touch_seen_) {
     counts_ = touched_at_;
     passed_ = true;

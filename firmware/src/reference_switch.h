@@ -1,4 +1,4 @@
-// The end switch, an optional part: where the count stood when the cylinder closed it.
+// End switch, an optional part: keeps the count at which the cylinder closed the switch.
 #pragma once
 
 #include <stdint.h>
@@ -8,10 +8,10 @@ namespace firmware {
 
 class ReferenceSwitch {
  public:
-  /// A frame: whether the contact is closed now, bounces included; whether it is after debouncing;
-  /// and the count. What holds is the count of the first touch, not of the end of the bounces.
+  /// Call once a frame with the raw contact, the debounced contact, and the count. The count of the
+  /// first touch is kept, not the count after the bounces.
   void Update(bool contact, bool closed, int32_t axial_counts);
-  /// The count has been set back by so much.
+  /// Subtracts a change of the count from the kept count.
   void Shift(int32_t counts);
 
   bool passed() const { return passed_; }

@@ -4,7 +4,7 @@ namespace torquer {
 namespace firmware {
 namespace {
 
-// Wraps, which is defined for unsigned numbers only.
+// The sum may wrap, which C++ defines for unsigned numbers only.
 int32_t Add(int32_t total, int32_t delta) {
   return static_cast<int32_t>(static_cast<uint32_t>(total) + static_cast<uint32_t>(delta));
 }

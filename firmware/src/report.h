@@ -1,4 +1,4 @@
-// Fills the input report, and keeps what is cumulative in it.
+// Fills the input report, and keeps its cumulative counts.
 #pragma once
 
 #include <stdint.h>
@@ -17,11 +17,11 @@ class ReportBuilder {
   void Zero();
 
   /// Adds a reading to the counts. The sensor's board lies along the pipe, so that its light falls
-  /// along the cylinder: its y axis is the wire's, positive distally, and its x axis runs around
+  /// along the cylinder. Its y axis is along the wire, positive distally. Its x axis runs around
   /// the cylinder, against the right-handed sense.
   void Count(const MotionSample& sample);
 
-  /// The next report; what else is in it than the counts and their flags is passed.
+  /// Makes the next report from the counts and their flags, and from the given values.
   const protocol::InputReport& Next(uint32_t device_time_us, uint8_t buttons, uint16_t joystick_x,
                                     uint16_t joystick_y, uint16_t cpi,
                                     const ReferenceSwitch& reference, bool srom_lost);

@@ -6,8 +6,8 @@ namespace torquer {
 namespace firmware {
 namespace {
 
-// The longest that a host may leave the device waiting for the next bytes of an image: before the
-// burst has begun, and within it, where a pause spoils it.
+// Longest wait for the next bytes of an image: before the burst, and within it, where a pause makes
+// the image invalid.
 constexpr uint32_t kPatienceUs = 1000000;
 constexpr uint32_t kPatienceInBurstUs = 2000;
 constexpr uint16_t kPacketBytes = 32;
@@ -41,7 +41,7 @@ void SensorService::Put(uint8_t byte) {
   if (job_ == Job::kStream) Pump();
 }
 
-// One byte to the sensor; the pause that it wants is waited for.
+// Sends one byte to the sensor, after the required pause.
 void SensorService::Pump() {
   const uint16_t get = get_;
   if (get == put_) {

@@ -1,8 +1,8 @@
 // The two long reports: a firmware image on its way to the sensor, and a picture on its way from
 // it.
 //
-// Both are bursts that must not pause, longer than what a frame leaves time for: while one is under
-// way nothing else is done, for 25 ms (picture) or some 0.1 s (image), and no input report is sent.
+// Both are bursts without pauses, longer than a frame. During a burst the device does no other work
+// and sends no input report: 25 ms for a picture, about 0.1 s for an image.
 #pragma once
 
 #include <stdint.h>
@@ -48,7 +48,7 @@ class SensorService final : public SensorReports {
   uint8_t surface_quality_ = 0;
   Job job_ = Job::kNone;
   bool starved_ = false;
-  // The picture as it is read, or the bytes of an image that wait for their turn.
+  // The picture while it is read, or the waiting bytes of an image.
   union {
     protocol::PictureReport picture_;
     uint8_t ring_[sizeof(protocol::PictureReport)];

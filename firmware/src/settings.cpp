@@ -97,7 +97,7 @@ bool Settings::Poll() {
     BeginWrite();
   }
   if (!board::EepromReady()) return false;
-  // Bytes that already are as wanted cost neither time nor wear.
+  // Bytes that already have the new value are not written, which saves time and wear.
   for (; step_ <= sizeof(Record) + 1; ++step_) {
     const uint8_t offset = step_ == sizeof(Record) + 1 ? 0 : static_cast<uint8_t>(step_ - 1);
     const uint8_t wanted =

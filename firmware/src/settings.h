@@ -1,4 +1,5 @@
-// Settings that outlive the power: two copies in EEPROM, of which a torn write spoils one at most.
+// Settings that survive a loss of power: two copies in EEPROM. An interrupted write damages at most
+// one of them.
 #pragma once
 
 #include <stdint.h>
@@ -9,18 +10,18 @@ namespace firmware {
 class Settings {
  public:
   static constexpr uint16_t kDefaultCpi = 1200;
-  /// Around the measured rest: what a stick of the KY-023 kind misses when it returns.
+  /// Dead zone around the measured rest: the error with which a stick of type KY-023 returns.
   static constexpr uint16_t kDefaultDeadzone = 20;
 
-  /// Reads the newer valid copy; without one, the defaults.
+  /// Reads the newer valid copy; without a valid copy, sets the defaults.
   void Load();
 
-  /// False, and nothing changed, if a value is out of its range (protocol::ConfigurationReport).
-  /// True: the values hold from now on; Poll() writes them if they differ from those stored.
+  /// Returns false without a change if a value is out of its range (protocol::ConfigurationReport).
+  /// Otherwise the values hold from now on, and Poll() stores those that have changed.
   bool Set(uint16_t cpi, uint16_t deadzone, uint8_t closed_at_rest);
 
-  /// Writes at most one byte to the EEPROM, if it is ready. To be called once a frame. True if
-  /// there was something to do.
+  /// Writes at most one byte to the EEPROM, if it is ready. Call once a frame. True if there was
+  /// work.
   bool Poll();
 
   /// True if no write is in progress and the EEPROM holds the current values; defaults need no
@@ -41,7 +42,7 @@ class Settings {
   // marker is complete; the CRC reveals a damaged copy.
   struct __attribute__((packed)) Record {
     uint8_t marker;
-    uint8_t sequence;  // the copy with the later one counts
+    uint8_t sequence;  // the copy with the later number is valid
     uint16_t cpi;
     uint16_t packed;  // deadzone; above it closed_at_rest, where earlier firmware wrote 0
     uint16_t writes;

@@ -47,7 +47,7 @@ constexpr uint8_t kInputEndpointAddress = 0x80 | protocol::kInputEndpoint;
 }  // namespace
 
 bool UsbDevice::Poll() {
-  // The way of a long report's bytes, on which nothing may delay them.
+  // Fast path for the bytes of a long report, which must not be delayed.
   if (stage_ == Stage::kLongOut && board::HasControlData()) {
     const bool room = long_reports_.HasRoom();
     if (room) ContinueLongOut();
@@ -72,8 +72,8 @@ bool UsbDevice::Poll() {
       ContinueDataIn();
       break;
     case Stage::kStatusOut:
-      // The empty packet is left to lie until the next SETUP packet, which may come at any moment,
-      // and must not be taken away with it.
+      // The empty packet stays until the next SETUP packet. Removing it could remove a SETUP packet
+      // that arrives at the same moment.
       if (board::HasControlData()) stage_ = Stage::kIdle;
       break;
     case Stage::kDataOut:
@@ -139,7 +139,7 @@ bool UsbDevice::BeginStandard() {
       setup_.request != kGetDescriptor) {
     return false;
   }
-  if (!to_host && setup_.length != 0) return false;  // none of those below has data
+  if (!to_host && setup_.length != 0) return false;  // no request below has data
   switch (setup_.request) {
     case kGetDescriptor:
       return to_host && BeginGetDescriptor();
@@ -266,7 +266,8 @@ bool UsbDevice::BeginHid() {
       SendBuffer(1);
       return true;
     case kSetIdle:
-      // Kept and answered, as the class asks; a report goes out every millisecond all the same.
+      // The HID class requires that the value is kept and returned. It does not change the rate: a
+      // report is sent every millisecond.
       if (to_host || setup_.length != 0) return false;
       idle_rate_ = static_cast<uint8_t>(setup_.value >> 8);
       return Acknowledge();
@@ -339,7 +340,7 @@ void UsbDevice::ContinueDataOut() {
   const uint8_t size = board::ControlDataSize();
   for (uint8_t i = 0; i < size; ++i, ++received_) {
     const uint8_t byte = board::NextControlByte();
-    // A host may pad a report; what is beyond the longest of these is not looked at.
+    // A host may pad a report; bytes beyond the longest report are ignored.
     if (received_ < ReportHandler::kCapacity) buffer_[received_] = byte;
   }
   if (!board::ReleaseControlData()) return;

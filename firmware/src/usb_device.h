@@ -1,5 +1,5 @@
-// The USB device: what each control request means, and the queue of input reports. The packets are
-// the board's (usb_packets.h).
+// The USB device: handles control requests and the queue of input reports. The board sends and
+// receives the packets (usb_packets.h).
 #pragma once
 
 #include <stdint.h>
@@ -32,7 +32,7 @@ class UsbDevice final : public UsbStack {
     kStatusIn,
     kLongIn,     // a long report is being made
     kLongOut,    // its bytes come from the host
-    kLongTaken,  // they have come, and are dealt with
+    kLongTaken,  // all bytes have arrived and are being handled
   };
 
   struct Setup {

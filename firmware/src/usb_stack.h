@@ -1,5 +1,5 @@
-// Contract of a USB stack: whole reports go in and out of it. UsbDevice is our own stack, on the
-// packets of a controller; a board may bring another.
+// Contract of a USB stack, which exchanges whole reports with the firmware. UsbDevice is our stack,
+// on the packets of a controller; a board may have another.
 #pragma once
 
 #include <stdint.h>
@@ -12,15 +12,15 @@ namespace firmware {
 /// The HID reports behind the control requests.
 class ReportHandler {
  public:
-  /// Room for the largest report but the long ones.
+  /// Size of the largest report, without the long reports.
   static constexpr uint8_t kCapacity = 32;
 
-  /// Fills `report` (kCapacity bytes) with the report of that id; returns its size, 0 if there is
-  /// none to be read.
+  /// Fills `report` (kCapacity bytes) with the report of that id; returns its size, or 0 if that id
+  /// cannot be read.
   virtual uint8_t GetInputReport(uint8_t id, uint8_t* report) = 0;
   virtual uint8_t GetFeatureReport(uint8_t id, uint8_t* report) = 0;
-  /// Takes a feature report; false, and nothing changed, if it is not acceptable. `size` is at most
-  /// kCapacity; a host may have padded the report to it.
+  /// Takes a feature report. Returns false without a change if the report is not acceptable. `size`
+  /// is at most kCapacity; a host may have padded the report.
   virtual bool SetFeatureReport(const uint8_t* report, uint8_t size) = 0;
   /// Serial number of the device: kSerialBytes zero-padded characters.
   virtual const char* serial() const = 0;
@@ -29,21 +29,22 @@ class ReportHandler {
   ~ReportHandler() = default;
 };
 
-/// Feature reports that are too long to be kept until they are complete. One at a time.
+/// Feature reports that are too long for a buffer, so that their bytes pass one by one. One report
+/// at a time.
 class LongReportHandler {
  public:
   enum class Progress : uint8_t { kWait, kReady, kRefused };
 
-  /// A report of `size` bytes is about to be written; false if it cannot be taken.
+  /// Begins to write a report of `size` bytes; false if it is refused.
   virtual bool BeginWrite(uint8_t id, uint16_t size) = 0;
-  /// True if another packet can be taken. Its bytes come by Put(), the report's id first.
+  /// True if there is room for another packet. Put() takes its bytes, the report's id first.
   virtual bool HasRoom() const = 0;
   virtual void Put(uint8_t byte) = 0;
   /// Called after the last byte. Returns kReady if the report was taken.
   virtual Progress EndWrite() = 0;
   /// Begins to read the report; false if there is none.
   virtual bool BeginRead(uint8_t id) = 0;
-  /// kReady once: the report, valid until the next BeginWrite() or BeginRead().
+  /// After kReady: the report, valid until the next BeginWrite() or BeginRead().
   virtual Progress Read(const uint8_t** data, uint16_t* size) = 0;
   /// Called when the host abandons the transfer.
   virtual void Abandon() = 0;
@@ -52,9 +53,9 @@ class LongReportHandler {
   ~LongReportHandler() = default;
 };
 
-/// Calls a ReportHandler and a LongReportHandler from Poll() alone, never from an interrupt. Which
-/// these are is the implementation's constructor's. Descriptors and ids are those of
-/// usb_descriptors.h and protocol/hid_descriptor.h.
+/// Calls a ReportHandler and a LongReportHandler from Poll() alone, never from an interrupt. The
+/// constructor of the implementation takes these handlers. usb_descriptors.h and
+/// protocol/hid_descriptor.h have the descriptors and ids.
 class UsbStack {
  public:
   /// Handles the requests of the host since the last call; never waits for it. True while a request
@@ -70,10 +71,10 @@ class UsbStack {
   /// True if the host allows the device to wake it.
   virtual bool may_wake_host() const = 0;
 
-  /// Queues a report. While the host does not poll, the newest report alone is kept for it, so that
-  /// what it reads first after a pause is fresh.
+  /// Queues a report. While the host does not poll, only the newest report is kept, so that the
+  /// host reads fresh data after a pause.
   virtual void SendInput(const protocol::InputReport& report) = 0;
-  /// Frames in which a report found no room; saturates.
+  /// Frames whose report found no room in the queue; saturates.
   virtual uint16_t frames_missed() const = 0;
 
  protected:

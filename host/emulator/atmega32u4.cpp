@@ -36,9 +36,9 @@ constexpr std::uint8_t kPinReset = 2, kBrownOutReset = 4, kWatchdogReset = 8;
 
 void DiscardLog(avr_t*, int, const char*, va_list) {}
 
-// A reset makes libsimavr look at every pin of an external interrupt that is low once a cycle,
-// which takes more than a core while a button is held. The firmware has no such interrupt: edges
-// do.
+// After a reset, libsimavr checks each low pin of an external interrupt in every cycle. While a
+// button is held this takes more than one core. The firmware has no level interrupts, so edges
+// suffice.
 void DoNotPollPins(avr_t* avr) {
   for (std::uint8_t k = 0; k < EXTINT_COUNT; ++k) avr_extint_set_strict_lvl_trig(avr, k, 0);
 }
@@ -246,7 +246,7 @@ void Atmega32u4::SetAnalog(int channel, double fraction) {
 std::vector<std::uint8_t> Atmega32u4::EepromAfterPowerLoss() {
   std::vector<std::uint8_t> left = eeprom_;
   if (hooks_->eeprom_cell >= 0) {
-    // A write erases to 0xff, then clears bits: any of them may have been left out.
+    // A write erases to 0xff, then clears bits. A loss of power may leave any of these bits set.
     noise_ = noise_ * 1664525u + 1013904223u;
     left[static_cast<std::size_t>(hooks_->eeprom_cell)] =
         static_cast<std::uint8_t>(hooks_->eeprom_value | (noise_ >> 24));

@@ -1,5 +1,6 @@
-// An ATmega32U4 that runs a firmware image: libsimavr's core, with the peripherals that it lacks or
-// models too coarsely replaced (README.md says which and why). Knows nothing of what is connected.
+// ATmega32U4 that runs a firmware image, on libsimavr's core. It replaces peripherals that
+// libsimavr lacks or models too coarsely; README.md lists them with the reasons. It is independent
+// of the connected parts.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +33,7 @@ class FirmwareImage {
 
   /// Flash contents from address 0.
   const std::vector<std::uint8_t>& flash() const { return flash_; }
-  /// Changes them; what the image says of itself stays.
+  /// Replaces the flash contents; the image's description of itself stays.
   void SetFlash(std::vector<std::uint8_t> contents) { flash_ = std::move(contents); }
   /// Puts another image's bytes into the flash: an application to its bootloader, or the other way
   /// round. Throws UserError if they overlap, or were built for different clocks.
@@ -62,7 +63,7 @@ class FirmwareImage {
   std::map<std::string, std::uint32_t> symbols_;
 };
 
-/// One byte exchanged over the SPI, with what a slave needs to judge its timing.
+/// One byte exchanged over the SPI, with the times by which a slave checks the timing.
 struct SpiExchange {
   std::uint8_t sent = 0;
   double start_us = 0;  ///< first clock edge, time since power-on
@@ -75,8 +76,8 @@ class Atmega32u4 {
  public:
   static constexpr int kEepromBytes = 1024;
 
-  /// Powers the chip on: RAM holds noise made from `seed`, the EEPROM what is given. The supply is
-  /// the converter's reference, too.
+  /// Powers the chip on. RAM holds noise made from `seed`, the EEPROM holds `eeprom`. The supply is
+  /// also the reference of the converter.
   Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_t>& eeprom,
              std::uint32_t seed, double supply_mv = 5000);
   ~Atmega32u4();
@@ -90,15 +91,15 @@ class Atmega32u4 {
 
   /// Pulls the reset pin once.
   void ResetByPin();
-  /// The supply dips for a moment, enough for the brown-out detector: a byte of EEPROM that is
-  /// being written is lost, the variables are not.
+  /// A short dip of the supply triggers the brown-out detector. A byte of EEPROM that is being
+  /// written is lost; the variables stay.
   void ResetByBrownOut();
-  /// A part of the chip from which the firmware waits for an answer never gives one from now on.
+  /// From now on this part of the chip does not answer the firmware.
   enum class Part { kNone, kPll, kSpi, kAdc, kEeprom, kUsbMemory };
   void SetDead(Part part);
 
   UsbController& usb() { return usb_; }
-  /// To be called after the host's side of usb() has changed something.
+  /// Call after the host's side of usb() has made a change.
   void UpdateUsbInterrupts();
 
   /// Input level of a pin, port 'B' .. 'F'; holds over resets.
@@ -117,8 +118,8 @@ class Atmega32u4 {
   /// Flash memory: holds the program, which can also write to it.
   FlashMemory& flash() { return *flash_; }
 
-  /// The EEPROM as the loss of power at this moment would leave it: a byte being written is neither
-  /// old nor new.
+  /// Contents of the EEPROM after a loss of power at this moment. A byte that is being written has
+  /// neither its old nor its new value.
   std::vector<std::uint8_t> EepromAfterPowerLoss();
   const std::vector<std::uint8_t>& eeprom() const { return eeprom_; }
   /// Bytes written by the firmware since power-on, the one being written included.

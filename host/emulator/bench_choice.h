@@ -16,7 +16,7 @@ struct BenchChoice {
   BenchOptions options;
 
   /// Fills in what follows from the options given: the firmware of this build unless another is
-  /// named. Throws UsageError when nothing would run.
+  /// named. Throws UsageError if no device would run.
   void Complete();
 };
 

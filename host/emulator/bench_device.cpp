@@ -29,7 +29,7 @@ constexpr int kReferenceBit = 6;
 constexpr int kJoystickXChannel = 7;
 constexpr int kJoystickYChannel = 6;
 
-// The LEDs of a Pro Micro, Micro or Leonardo: the level at which each shines.
+// LEDs of a Pro Micro, Micro or Leonardo, with the level that lights each.
 struct Led {
   const char* name;
   char port;

@@ -1,5 +1,5 @@
-// The bench device: chip, sensor, potentiometers, buttons and the EEPROM's contents, wired as
-// firmware/README.md says. Time is virtual; the caller sets its pace.
+// The bench device: chip, sensor, potentiometers, buttons and the EEPROM's contents, wired as in
+// firmware/README.md. Time is virtual; the caller sets its pace.
 #pragma once
 
 #include <cstdint>
@@ -72,8 +72,8 @@ class BenchDevice {
   VirtualPmw3360& sensor() { return sensor_; }
   const VirtualPmw3360& sensor() const { return sensor_; }
 
-  /// Takes the supply away in the midst of a page erase or page write: the one with this number
-  /// since the first power-on, from 1; 0: none.
+  /// Cuts the supply during a page erase or page write. `number` counts these operations since the
+  /// first power-on, from 1; 0: no cut.
   void CutPowerAtPageOperation(int number) { cut_at_page_operation_ = number; }
   int page_operations() const { return page_operations_; }
   /// Current contents of the flash.
@@ -86,9 +86,10 @@ class BenchDevice {
   HandState HandNow() const { return hand_(now_us_ * 1e-6); }
   double cpu_mhz() const { return cpu_mhz_; }
 
-  /// Share of the CPU's cycles in which it was awake, since the start; 0 .. 1.
+  /// Fraction of the CPU's cycles in which it was awake since the start, 0 .. 1.
   double CyclesUsedFraction() const;
-  /// Faults of firmware or wiring that real hardware would punish: chip, USB and sensor timing.
+  /// Violations of chip, USB or sensor timing, by firmware or wiring, which would be faults on real
+  /// hardware.
   std::vector<std::string> Violations() const;
   std::int64_t violation_count() const;
 

@@ -1,6 +1,6 @@
-// The flash of an ATmega32U4 as its own program can write it: page erase and page write by the SPM
-// instruction, with their time, and what a loss of power in their midst leaves behind. simavr does
-// both at once and without any rule.
+// Flash of an ATmega32U4, which its program can write: page erase and page write by the SPM
+// instruction. It models their duration, and the contents after a loss of power during them. simavr
+// does both at once, and checks no rule.
 #pragma once
 
 #include <array>
@@ -18,30 +18,30 @@ class FlashMemory {
   static constexpr int kBytes = 32768;
   static constexpr int kPageBytes = 128;
   static constexpr int kSignatureRowBytes = 32;
-  /// The pages below cannot be read while one of them is erased or written.
+  /// Pages below this address cannot be read while any of them is erased or written.
   static constexpr std::uint32_t kReadWhileWriteEnd = 0x7000;
   /// Duration of an erase or a write, us; the range on silicon is 3.7 to 4.5 ms.
   static constexpr double kOperationUs = 4000;
 
   using Violation = std::function<void(const std::string&)>;
 
-  /// Takes SPMCSR and SPM of `avr` over. `boot_start` is where the boot section begins, 0 if the
-  /// chip has none; `violation` gets what silicon would punish.
+  /// Takes over SPMCSR and SPM of `avr`. `boot_start`: start of the boot section, 0 without one.
+  /// `violation` gets each access that fails on silicon.
   FlashMemory(avr_t* avr, double cpu_mhz, std::uint32_t boot_start, std::uint32_t seed,
               Violation violation);
   FlashMemory(const FlashMemory&) = delete;
   FlashMemory& operator=(const FlashMemory&) = delete;
 
-  /// Another time for erase and write, where that is not the question.
+  /// Sets another duration of erase and write, for tests in which it does not matter.
   void SetOperationTime(double us) { operation_us_ = us; }
   void SetSignatureRow(const std::array<std::uint8_t, kSignatureRowBytes>& row) {
     signature_row_ = row;
   }
 
-  /// Called in the midst of each page erase and page write.
+  /// Called during each page erase and page write.
   std::function<void()> on_operation;
 
-  /// To be called when the chip is reset: an operation under way is left half done.
+  /// Call when the chip is reset: a running operation remains incomplete.
   void Reset();
 
   /// Contents of the flash. A page that is being erased or written appears as it was before.
@@ -75,12 +75,12 @@ class FlashMemory {
   std::array<std::uint8_t, kSignatureRowBytes> signature_row_{};
   std::array<std::uint8_t, kSignatureRowBytes> covered_{};  // by the signature row
   bool signature_shown_ = false;
-  std::vector<std::uint8_t> hidden_;  // the pages that cannot be read; empty if they can
+  std::vector<std::uint8_t> hidden_;  // the pages that cannot be read; empty if all can
   std::array<std::uint16_t, kPageBytes / 2> buffer_{};
   std::array<bool, kPageBytes / 2> filled_{};
   Operation operation_ = Operation::kNone;
   std::uint32_t page_ = 0;
-  std::uint64_t window_end_ = 0;  // the last cycle at which SPM is obeyed
+  std::uint64_t window_end_ = 0;  // the last cycle at which SPM takes effect
 };
 
 }  // namespace torquer::emulator

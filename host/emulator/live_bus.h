@@ -12,8 +12,8 @@
 
 namespace torquer::emulator {
 
-/// The hand as it comes from outside, at irregular times: it goes to each new place in the time
-/// that the last message took to come, so that it does not jump.
+/// Hand driven by messages, which come at irregular times. It moves to each new position in the
+/// time between the last two messages, so that it does not jump.
 class LiveHand {
  public:
   /// `time_s` is the emulator's own time of arrival.

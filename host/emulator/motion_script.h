@@ -7,7 +7,7 @@
 
 namespace torquer::emulator {
 
-/// The hand and what else the operator does, at one time.
+/// The operator's hand, joystick and buttons at one time.
 struct HandState {
   double insertion_mm = 0;  ///< absolute, positive distally
   double rotation_rad = 0;  ///< absolute, positive right-handed

@@ -157,7 +157,7 @@ void VirtualPmw3360::FinishSrom() {
   const bool whole = incoming_srom_.size() == kSromBytes &&
                      (expected_srom_.empty() || incoming_srom_ == expected_srom_);
   srom_load_ = SromLoad::kLoaded;
-  // The second byte of an image is the number by which it calls itself.
+  // The second byte of an image is its number.
   registers_[kSromId] = whole ? incoming_srom_[1] : std::uint8_t{0};
   srom_ = whole ? incoming_srom_ : std::vector<std::uint8_t>{};
   ClearObservation(last_byte_end_us_);

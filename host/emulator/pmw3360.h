@@ -1,6 +1,6 @@
-// A virtual PMW3360 motion sensor on the SPI, as strict as the part: it checks the timing and the
-// order of every access against the data sheet, wakes with the part's reset values, rests when it
-// is let, and can reset itself. A firmware that works here by luck alone is reported.
+// Virtual PMW3360 motion sensor on the SPI, as strict as the real part. It checks the timing and
+// the order of every access against the data sheet, and reports violations. It starts with the
+// part's reset values, has rest modes, and can reset itself.
 #pragma once
 
 #include <array>
@@ -53,8 +53,8 @@ class VirtualPmw3360 {
   /// --- what may happen to it -----------------------------------------------------------------
   /// Sets all registers to their values at power-up. The sensor answers after 50 ms.
   void PowerUp(double now_us);
-  /// Spontaneous reset: the sensor answers meanwhile with its reset values. Motion and Observation
-  /// come after `boot_us`; negative: 2 to 50 ms, random.
+  /// Spontaneous reset: until it has booted, the sensor answers with its reset values. Motion and
+  /// Observation come after `boot_us`; negative: 2 to 50 ms, random.
   void ResetItself(double now_us, double boot_us = -1);
   void SetLifted(bool lifted) { lifted_ = lifted; }
   void SetFault(Fault fault) { fault_ = fault; }
@@ -81,7 +81,7 @@ class VirtualPmw3360 {
   /// Longest time between two bytes of a long burst so far, us.
   double longest_burst_gap_us() const { return longest_burst_gap_us_; }
 
-  /// Accesses outside the data sheet: how many, and the first of them in words.
+  /// Violations of the data sheet: their number, and the first ones in words.
   std::int64_t violation_count() const { return violation_count_; }
   const std::vector<std::string>& violations() const { return violations_; }
 
@@ -142,7 +142,7 @@ class VirtualPmw3360 {
   bool burst_armed_ = false;
   Access last_access_ = Access::kNone;
 
-  // Resets: when the last was, what has been set up since, and whether the firmware knows of it.
+  // Resets: time of the last one, the setup since then, and its detection by the firmware.
   double reset_us_ = 0;
   double observation_cleared_us_ = 0;
   bool observed_ = false;  // a frame, since

@@ -8,7 +8,7 @@
 
 namespace torquer::emulator {
 
-/// Differences between a sensor and an ideal one that is mounted straight.
+/// Differences between a sensor and an ideal, straight sensor.
 struct SensorImperfections {
   double misalignment_rad = 0;  ///< of its axes, right-handed as seen from outside the cylinder
   double scale = 1;             ///< counts seen over counts nominal
@@ -48,8 +48,8 @@ class SensorNavigation {
 
   /// The slowest that a frame in run mode is assumed to be. The data sheet says "up to 12000 fps".
   static constexpr double kRunFrame_us = 500;
-  /// Farthest that the surface may have moved from one frame to the next to be recognized: 250 ips
-  /// at 12000 frames a second. What moved farther is lost.
+  /// Largest motion of the surface between two frames that the sensor recognizes: 250 ips at 12000
+  /// frames a second. What moved farther is lost.
   static constexpr double kCorrelation_mm = 0.53;
 
   SensorNavigation(const SensorImperfections& imperfections, std::uint32_t seed)

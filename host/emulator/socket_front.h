@@ -1,5 +1,5 @@
-// The emulated device on a Unix socket (protocol/socket_link.h): the host's side of the USB, with a
-// program at the socket in place of a host's USB driver.
+// Emulated device on a Unix socket (protocol/socket_link.h): the host's side of the USB, with a
+// program at the socket instead of a USB driver.
 #pragma once
 
 #include <cstdint>

@@ -31,7 +31,7 @@ constexpr int kAddressesAPort = 14;
 // Held while a device is put on the mocked machine or taken off it.
 std::mutex machine_mutex;
 
-// The mocked machine, of which a process has one: it stands as long as a bench does.
+// Mocked machine, the only one of the process. It exists as long as a bench does.
 std::shared_ptr<UMockdevTestbed> Machine() {
   static std::weak_ptr<UMockdevTestbed> machine;
   const std::lock_guard lock(machine_mutex);

@@ -17,9 +17,9 @@
 
 namespace torquer::emulator {
 
-/// A bench device that runs in its own thread, on a mocked bus. Virtual time is elastic: it
-/// follows real time, but once a program has claimed the interface a frame waits for its IN
-/// transfer, so that nothing is lost on a loaded machine.
+/// A bench device that runs in its own thread, on a mocked bus. Virtual time follows real time.
+/// Once a program has claimed the interface, each frame also waits for its IN transfer, so that no
+/// report is lost on a loaded machine.
 class UmockdevBench {
  public:
   /// Plugs the device in at a port (1 .. 9) of the one mocked bus, on which several may be. Throws

@@ -36,8 +36,8 @@ void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
   throw std::runtime_error("umockdev: " + message);
 }
 
-/// The files of one testbed whose ioctls are answered. A device that leaves keeps its answers ("no
-/// such device"): a program whose ioctl met a closed connection would be aborted by umockdev.
+/// The files of one testbed whose ioctls are answered. After an unplug, the device still answers
+/// ("no such device"). umockdev would abort a program whose ioctl finds a closed connection.
 class AnsweredFiles {
  public:
   explicit AnsweredFiles(UMockdevTestbed* testbed) : testbed_(testbed) {}

@@ -8,10 +8,10 @@
 #include <cerrno>
 
 // libumockdev lists the sockets of all programs that watch for devices, connects to one after
-// another, and sends. It passes over a program that is gone when it connects (ECONNREFUSED), but
-// aborts where its socket's file is gone as well, and where the program ends between connect() and
-// sendmsg(). A program that ends when its cable is pulled is just then on its way out, so both
-// calls, which come here first, give libumockdev the answer that it knows.
+// another, and sends. It skips a program that has ended before connect() (ECONNREFUSED). It aborts
+// if the socket's file is missing too, or if the program ends between connect() and sendmsg(). A
+// program that ends when its cable is pulled causes both cases. So both calls are intercepted here,
+// and return an error that libumockdev handles.
 
 namespace {
 

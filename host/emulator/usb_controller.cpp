@@ -254,8 +254,8 @@ void UsbController::WriteAddress(std::uint8_t value) {
   udaddr_ = value;
 }
 
-// Memory is given out in rising order of the endpoints: that of the ones above slides when one
-// below them changes its size, and what was in it is lost.
+// The endpoints get memory in rising order. If an endpoint changes its size, the memory of the
+// higher endpoints moves, and its contents are lost.
 void UsbController::WriteConfig1(std::uint8_t value) {
   Endpoint& endpoint = Selected();
   endpoint.config1 = value;

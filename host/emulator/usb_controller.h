@@ -18,7 +18,7 @@ enum class UsbAnswer {
   kNak,   ///< not now
   kStall  ///< refused
   ,
-  kNone  ///< nobody there: detached, another address, endpoint not enabled
+  kNone  ///< no answer: detached, another address, endpoint not enabled
 };
 
 class UsbController {
@@ -27,32 +27,33 @@ class UsbController {
   static constexpr std::uint16_t kFirstRegister = 0xd7;
   static constexpr std::uint16_t kLastRegister = 0xf4;
 
-  /// Memory of the endpoints' banks.
+  /// Bytes of memory for the endpoints' banks.
   static constexpr unsigned kMemoryBytes = 832;
 
   UsbController() { Reset(); }
 
   /// --- the chip's side -----------------------------------------------------------------------
   void Reset();
-  /// From now on no endpoint's memory is given out.
+  /// From now on no endpoint gets memory.
   void ExhaustMemory() { memory_exhausted_ = true; }
   std::uint8_t Read(std::uint16_t address);
   void Write(std::uint16_t address, std::uint8_t value);
   void SetPllLocked(bool locked);
-  /// Something in it runs that draws current: clock or PLL.
+  /// True if clock or PLL runs, which draws current.
   bool Runs() const;
   /// Levels of the two interrupt requests.
   bool general_interrupt() const;
   bool endpoint_interrupt() const;
 
   /// --- the host's side -----------------------------------------------------------------------
-  /// Its pull-up is on the bus.
+  /// True if the device's pull-up is on the bus.
   bool Attached() const;
-  /// A frame's time in which the bus was idle; after three the chip takes it for suspended.
+  /// Reports an idle bus for the time of a frame; after three idle frames the bus counts as
+  /// suspended.
   void IdleFrame();
-  /// A bus that is neither idle nor carries packets: reset or resume by the host.
+  /// Reports bus activity without packets: reset or resume by the host.
   void Activity();
-  /// The end of a reset.
+  /// Reports the end of a reset.
   void BusReset();
   /// True once for each wake-up that the device sends to the host of a suspended bus.
   bool TakeRemoteWake();

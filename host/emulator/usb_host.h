@@ -22,7 +22,7 @@ struct SetupPacket {
 
 enum class TransferStatus { kDone, kStall, kTimeout, kGone };
 
-/// 0, or a negative errno, as the kernel says it.
+/// 0, or a negative errno, as from the kernel.
 int StatusOf(TransferStatus status);
 
 struct ControlResult {
@@ -47,7 +47,7 @@ class UsbHost {
   /// True if the host wants the next input packet; asked once a frame while the device is
   /// configured. A host that does not want one does not poll, and the device keeps its report.
   std::function<bool()> wants_input = [] { return false; };
-  /// An input packet, in the frame after that in which the device queued it.
+  /// An input packet, in the frame after the one in which the device queued it.
   std::function<void(const std::vector<std::uint8_t>&)> on_input;
   /// The endpoint is halted.
   std::function<void()> on_input_stall;
@@ -66,7 +66,7 @@ class UsbHost {
   /// The same, with frames passing until it is over.
   ControlResult Control(const SetupPacket& setup, const std::vector<std::uint8_t>& data = {});
 
-  /// HID requests for feature reports; the id is the first byte of what is sent.
+  /// HID requests for feature reports; the first byte sent is the id.
   void SubmitGetFeature(std::uint8_t report_id, ControlCallback callback);
   void SubmitSetFeature(std::vector<std::uint8_t> report, ControlCallback callback);
   ControlResult GetFeature(std::uint8_t report_id);

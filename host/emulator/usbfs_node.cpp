@@ -15,7 +15,7 @@ namespace {
 // A usbfs file is always writable under umockdev, so that libusb asks again at once; a short wait
 // keeps it from spinning.
 constexpr auto kReapWait = std::chrono::milliseconds(2);
-// Period at which a wait for a program checks if the program has closed the file.
+// Period of the check if the program has closed the file.
 constexpr auto kClosedWait = std::chrono::milliseconds(20);
 // Time of failed requests for ended transfers after which a program is assumed to want none.
 constexpr auto kIdle = std::chrono::milliseconds(500);
@@ -190,8 +190,8 @@ bool UsbfsNode::Ioctl(Client* client) {
   }
 }
 
-// The mutex is held from the question whether the device is gone until the transfer is queued: a
-// transfer that slipped in between would never end.
+// Holds the mutex from the check for an unplugged device until the transfer is queued. A transfer
+// that is queued after an unplug would never end.
 bool UsbfsNode::Submit(Client* client, UMockdevIoctlData* argument) {
   Urb urb{};
   urb.urb = umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr);
@@ -210,7 +210,7 @@ bool UsbfsNode::Submit(Client* client, UMockdevIoctlData* argument) {
   urb.id = ++last_id_;
   urb.client = client;
   g_object_ref(client);
-  // First the answer: with it umockdev looks for what has changed in the transfer.
+  // Answers first, because with the answer umockdev looks for changes of the transfer.
   Answer(client, 0, 0);
   (control ? controls_ : inputs_).push_back(urb);
   NoteTransfer();

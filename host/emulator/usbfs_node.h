@@ -20,8 +20,8 @@ namespace torquer::emulator {
 /// One device's file from plug to unplug, and the transfers on their way. Programs' calls come in
 /// umockdev's thread, the device's in another.
 ///
-/// A transfer ends once and belongs to the program that submitted it: when that has closed the
-/// file, or another program has claimed the interface, what is left of it is forgotten.
+/// A transfer ends once and belongs to the program that submitted it. It is discarded when the
+/// program closes the file, or when another program claims the interface.
 class UsbfsNode {
  public:
   /// A control transfer on its way through the device.

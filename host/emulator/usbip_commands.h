@@ -11,8 +11,8 @@
 
 namespace torquer::emulator {
 
-/// Hand that moves to commanded positions one after the other, each in a straight line and in a
-/// given time, and stays at the last one.
+/// Hand that moves to commanded positions in order, each in a straight line and in a given time. It
+/// stays at the last position.
 class GlidingHand {
  public:
   /// Moves from the position at `time_s` (virtual) to `target`. Stick and buttons change at once.
@@ -64,7 +64,7 @@ class UsbipCommands {
 /// Serves lines on 127.0.0.1, one client at a time.
 class LinePort {
  public:
-  /// Throws UserError where `port` (0: one that is free) cannot be used.
+  /// Throws UserError if `port` cannot be used; 0 chooses a free port.
   LinePort(std::uint16_t port, std::function<std::string(const std::string&)> answer);
   ~LinePort();
   LinePort(const LinePort&) = delete;

@@ -212,7 +212,7 @@ void UsbipFront::Unlink(const usbip::Transfer& transfer) {
     found = true;
     if (inputs_.empty()) streaming_ = false;  // the program lets go of the device
   }
-  // One that has ended by itself was returned before this.
+  // A transfer that has ended by itself was returned earlier.
   usbip::AppendReturnUnlink(to_send_, transfer.sequence, found ? -ECONNRESET : 0);
 }
 

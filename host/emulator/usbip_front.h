@@ -1,6 +1,6 @@
 // The emulated device for a Linux kernel: a USB/IP server with one device, bus id 1-1, as
-// `usbip attach` takes it. Virtual time is elastic: once the kernel has asked for input, a frame
-// waits for the next such transfer, so that nothing is lost on a slow machine.
+// `usbip attach` takes it. Once the kernel has requested input, each frame of virtual time waits
+// for the next such transfer, so that no report is lost on a slow machine.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ class UsbipFront {
  public:
   static constexpr char kBusId[] = "1-1";
 
-  /// Listens on 127.0.0.1:`port` (0: one that is free). `host` must outlive this; its callbacks are
-  /// taken. Throws UserError where the port cannot be used.
+  /// Listens on 127.0.0.1:`port`; 0 chooses a free port. `host` must outlive this; its callbacks
+  /// are taken. Throws UserError where the port cannot be used.
   UsbipFront(UsbHost& host, std::uint16_t port);
   ~UsbipFront();
   UsbipFront(const UsbipFront&) = delete;

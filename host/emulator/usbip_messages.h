@@ -1,5 +1,5 @@
-// USB/IP, protocol 1.1.1: the messages between a host with a device and a Linux kernel that uses it
-// from afar (Documentation/usb/usbip_protocol.rst in the kernel's sources). All numbers are
+// Messages of USB/IP, protocol 1.1.1, between a host with a device and a remote Linux kernel that
+// uses it (Documentation/usb/usbip_protocol.rst in the kernel's sources). All numbers are
 // big-endian. Before an import the messages are operations; after it, transfers.
 #pragma once
 
@@ -20,7 +20,7 @@ inline constexpr std::size_t kOperationBytes = 8;  ///< version, code, status
 inline constexpr std::size_t kBusIdBytes = 32;     ///< follows kRequestImport
 inline constexpr std::size_t kTransferBytes = 48;  ///< every transfer message but for its data
 inline constexpr std::size_t kDeviceBytes = 312;   ///< a device's record
-/// Longest data that a transfer may announce; nothing of ours comes near it.
+/// Longest data that a transfer may announce, far above any transfer of the device.
 inline constexpr std::uint32_t kLongestData = 65536;
 
 /// kSubmit or kUnlink, as the kernel sends them.

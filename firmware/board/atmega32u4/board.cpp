@@ -72,8 +72,8 @@ extern "C" uint8_t __stack;  // its first byte
 // Saved value of MCUSR. Only a reset clears GPIOR0; a CPU register would not keep the value.
 #define TORQUER_SAVED_MCUSR GPIOR0
 
-// Before any variable has its value: the watchdog still runs from the reset that it caused, and the
-// stack is painted so that its depth can be measured later.
+// Runs before any variable has its value. It stops the watchdog, which still runs after the reset
+// that it caused. It paints the stack, so that the depth of the stack can be measured later.
 extern "C" void torquer_early_init() __attribute__((naked, used, section(".init3")));
 extern "C" void torquer_early_init() {
   TORQUER_SAVED_MCUSR = MCUSR;
@@ -83,7 +83,7 @@ extern "C" void torquer_early_init() {
   for (uint8_t* byte = limit; byte <= &__stack; ++byte) *byte = kStackPaint;
 }
 
-// Arduino's bootloader has cleared MCUSR: then the memory shows what it can.
+// Arduino's bootloader has cleared MCUSR. The cause then follows from the memory, where possible.
 void FindResetReason() {
   reset_reason = TORQUER_SAVED_MCUSR;
   const bool marked = Warm().mark == kWarmMark && (Warm().byte ^ Warm().complement) == 0xff;
@@ -184,8 +184,9 @@ void Sleep() {
   sleep_disable();
 }
 
-// The same with every clock stopped. The watchdog ticks: its first timeout is the interrupt, and
-// since that is armed here alone, the next one is a reset, should the firmware not come back.
+// The same with every clock stopped. The watchdog wakes the chip: its first timeout is an
+// interrupt. That interrupt is armed only here, so the next timeout resets the chip if the firmware
+// hangs.
 void SleepDeeply() {
   ADCSRA &= static_cast<uint8_t>(~_BV(ADEN));
   torquer_clock_us = NowUs();
@@ -214,7 +215,7 @@ void Idle() {
     set_sleep_mode(SLEEP_MODE_IDLE);
     Sleep();
     cli();
-    // The timer's overflow alone is no reason to wake, while frames come.
+    // While frames come, an overflow of the timer alone does not end the sleep.
     if (frameless_overflows >= 2) break;
   }
   sei();
@@ -233,7 +234,7 @@ void Restart() {
 
 void EnterBootloader() {
   cli();
-  // The address lies in the variables, which are of no more use.
+  // The address lies among the variables, which are not needed any more.
   *reinterpret_cast<volatile uint16_t*>(protocol::kBootloaderKeyAddress) = protocol::kBootloaderKey;
   Restart();
 }
@@ -298,7 +299,7 @@ uint8_t TransferSpi(uint8_t byte) {
 }
 
 uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us) {
-  // The timer's low byte is enough: what is longer than its 128 us costs another gap.
+  // The timer's low byte is enough: a pause longer than its 128 us only adds one more gap.
   static uint8_t end_ticks;
   const uint8_t gap_ticks = static_cast<uint8_t>(gap_us * kTicksPerUs + 1);
   while (static_cast<uint8_t>(TCNT1L - end_ticks) < gap_ticks) {
@@ -356,5 +357,5 @@ void WriteEeprom(uint16_t address, uint8_t value) {
 }  // namespace board
 }  // namespace torquer
 
-// A call that no object answers is a bug of ours: the watchdog shows it.
+// Only a bug of the firmware can call this function. The watchdog then resets the chip.
 extern "C" void __cxa_pure_virtual() { torquer::board::Restart(); }

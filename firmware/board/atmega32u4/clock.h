@@ -29,8 +29,8 @@ inline void SetCpuClock() {
   CLKPR = kClock & protocol::kHalfClock ? _BV(CLKPS0) : 0;
 }
 
-/// Starts the PLL from the crystal, which the CPU's divider does not change, and waits until it has
-/// locked: within 100 us, as the crystal runs.
+/// Starts the PLL from the crystal and waits until it has locked, at most 100 us. The CPU's divider
+/// does not affect the PLL.
 inline void StartPll() {
   PLLCSR = TORQUER_CRYSTAL_HZ == 16000000UL ? _BV(PINDIV) | _BV(PLLE) : _BV(PLLE);
   while (!(PLLCSR & _BV(PLOCK))) {

@@ -2,9 +2,9 @@
 // the Pro Micro, Micro and Leonardo boards (names in parentheses).
 #pragma once
 
-// The sensor on the SPI: SCK PB1, MOSI PB2, MISO PB3. PB0 is the slave select, which must be an
-// output, for as an input that is low it ends the SPI's master mode. On these boards it also drives
-// the RX LED, which shines while it is low: it is high.
+// The sensor on the SPI: SCK PB1, MOSI PB2, MISO PB3. PB0 is the slave select. It must be an
+// output: a low input would end the SPI's master mode. On these boards it also drives the RX LED,
+// which shines while PB0 is low. It is set high.
 #define TORQUER_SENSOR_NCS_PORT PORTB
 #define TORQUER_SENSOR_NCS_DDR DDRB
 #define TORQUER_SENSOR_NCS_BIT 6  // PB6 (10)
@@ -25,9 +25,9 @@
 #define TORQUER_JOYSTICK_X_CHANNEL 7  // PF7 (A0)
 #define TORQUER_JOYSTICK_Y_CHANNEL 6  // PF6 (A1)
 
-// Pins of the edge connectors that are not used are pulled up: one that floats draws current in
-// suspend. The TX LED's, PD5, is among them: it shines while the pin is low. LED 13, PC7, shines
-// while it is high: it is driven low. PE2 has a resistor on the board.
+// Unused pins of the edge connectors are pulled up, because a floating pin draws current in
+// suspend. PD5 is one of them; its pull-up keeps the TX LED off. PC7 is driven low, which keeps LED
+// 13 off. PE2 has a resistor on the board.
 #define TORQUER_UNUSED_B 0xb0  // PB4, PB5, PB7
 #define TORQUER_UNUSED_D 0xec  // PD2, PD3, PD5, PD6, PD7
 #define TORQUER_UNUSED_E 0x40  // PE6

@@ -12,10 +12,10 @@ constexpr uint16_t kWarmRecordAddress = 0x07f0;
 /// The stack may grow down to here.
 constexpr uint16_t kStackLimitAddress = 0x0802;
 
-/// Everything the board contract needs, the watchdog and the USB included; interrupts on.
+/// Sets up the whole board, the watchdog and the USB included, and enables interrupts.
 void SetUp();
 
-/// Pads, clock and interrupts of the USB; attaches to the host.
+/// Sets up pads, clock and interrupts of the USB, and attaches to the host.
 void SetUpUsb();
 
 /// True if an interrupt has left work. Call with interrupts disabled.
@@ -25,7 +25,7 @@ bool EventPending();
 /// Bus activity starts the clock again. Call with interrupts disabled.
 bool StopUsbForSuspend();
 
-/// Times that timer 1 has overflowed since the last sign of life on the bus; stops at 255.
+/// Overflows of timer 1 since the last activity on the bus; stops at 255.
 extern volatile uint8_t frameless_overflows;
 
 }  // namespace board

@@ -17,8 +17,8 @@ namespace {
 
 constexpr uint8_t kControlEndpoint = 0;
 constexpr uint8_t kPacket32 = _BV(EPSIZE1);  // endpoint size code
-// Writing 1 to this bit of UEINTX drops a packet; on an OUT or control endpoint it is RXOUTI. Every
-// other bit of the register is left alone by a 1.
+// Writing 1 to this bit of UEINTX drops a packet; on an OUT or control endpoint it is RXOUTI. A 1
+// changes no other bit of the register.
 constexpr uint8_t kKillBank = _BV(RXOUTI);
 static_assert(protocol::kControlPacketBytes == 32 && sizeof(protocol::InputReport) == 32,
               "kPacket32");
@@ -29,9 +29,9 @@ volatile bool bus_was_reset;
 volatile bool control_event;
 uint8_t last_control_byte;  // taken from a data packet
 
-// The bus is taken for suspended when the chip says that it was idle for 3 ms. Should the chip have
-// been woken by something that was no life, and not say so again, it is by the want of frames: for
-// longer than a host resets a port.
+// The bus counts as suspended when the chip reports 3 ms of idle time. A spurious wake-up has no
+// start-of-frame after it, and the chip reports no second idle time. Then the bus counts as
+// suspended after a time without frames that is longer than a host's reset.
 volatile bool bus_idle;
 bool suspension_told;  // last result of BusSuspended()
 #if F_CPU == 16000000UL
@@ -51,14 +51,14 @@ void NoteBusAlive() {
   frameless_overflows = 0;
 }
 
-// From the crystal by the PLL.
+// Starts the USB clock, which the PLL derives from the crystal.
 void RunUsbClock() {
   StartPll();
   USBCON = _BV(USBE) | _BV(OTGPADE);
 }
 
-// The clock runs again after StopUsbForSuspend(). That interrupt stays masked until the next frame:
-// its flag is kept up, for the chip sends a wake-up to the host only while it is.
+// The clock runs again after StopUsbForSuspend(). The suspend interrupt stays masked until the next
+// frame. Its flag stays set, because the chip can wake the host only while it is set.
 void LeaveSuspend() {
   RunUsbClock();
   NoteBusAlive();
@@ -69,8 +69,8 @@ void LeaveSuspend() {
 
 volatile uint8_t frameless_overflows;
 
-// A bootloader may have left the controller on, with endpoints that have its memory: off, it
-// forgets all of that.
+// A bootloader may have left the controller on, with endpoints that hold its memory. Switching the
+// controller off releases the memory.
 void SetUpUsb() {
   USBCON = 0;
   PLLCSR = 0;
@@ -176,8 +176,8 @@ bool TakeFrameStart(uint32_t* start_us) {
   return started;
 }
 
-// Cleared only where it was seen set: a reset between a read and a write that always clears would
-// be lost. One that comes after the read is handled with the one before it.
+// The flag is cleared only if it was read as set. An unconditional write could lose a reset that
+// comes between read and write. A reset after the read is handled together with the earlier one.
 __attribute__((noinline)) bool TakeUsbReset() {
   if (!bus_was_reset) return false;
   bus_was_reset = false;
@@ -189,17 +189,19 @@ bool ControlPending() {
   return bus_was_reset || (UEINTX & (_BV(RXOUTI) | _BV(RXSTPI))) != 0;
 }
 
-// Another SETUP packet may take the place of this one at any moment: then there are bytes again,
-// and the last eight are its own. What is left are the cycles from the last look to the clearing.
+// Another SETUP packet may replace this one at any moment. Then there are bytes again, and the last
+// eight are those of the new packet. Only the cycles between the last check and the clearing remain
+// unprotected.
 bool TakeSetup(uint8_t packet[8]) {
   SelectEndpoint(kControlEndpoint);
   if (!(UEINTX & _BV(RXSTPI))) return false;
   uint8_t ring[8];
   uint8_t taken = 0;
-  // It came between the last look and the last read of a data packet, which took its first byte.
+  // The packet came between the last check and the last read of a data packet, which took its first
+  // byte.
   if (UEBCLX == 7) ring[taken++] = last_control_byte;
   while (UEBCLX != 0) ring[taken++ & 7] = UEDATX;
-  // A packet taken before the SETUP came has lost its meaning with it.
+  // A packet that was read before the SETUP packet is obsolete.
   UEINTX = static_cast<uint8_t>(~(_BV(RXSTPI) | _BV(RXOUTI)));
   for (uint8_t i = 0; i < 8; ++i) packet[i] = ring[(taken + i) & 7];
   return true;
@@ -229,7 +231,7 @@ uint8_t ControlDataSize() {
   return UEBCLX;
 }
 
-// The bytes of a SETUP packet that has come meanwhile are not taken away.
+// A SETUP packet may have arrived since; its bytes stay in the endpoint.
 uint8_t NextControlByte() {
   if (!(UEINTX & _BV(RXSTPI))) last_control_byte = UEDATX;
   return last_control_byte;
@@ -237,7 +239,7 @@ uint8_t NextControlByte() {
 
 bool ReleaseControlData() {
   SelectEndpoint(kControlEndpoint);
-  // Not the bank of a SETUP packet that has come meanwhile.
+  // Keeps the bank if a SETUP packet has arrived since.
   if (UEINTX & _BV(RXSTPI)) return false;
   UEINTX = static_cast<uint8_t>(~_BV(RXOUTI));
   return true;
@@ -290,8 +292,8 @@ uint8_t QueuedInputs() {
   return UESTA0X & (_BV(NBUSYBK1) | _BV(NBUSYBK0));
 }
 
-// The abort sequence of the data sheet: kill the bank written last until none is busy. The bit is
-// up while the chip waits for a transfer of that bank to end, a packet's time at most.
+// The abort sequence of the data sheet: kill the bank written last until no bank is busy. The bit
+// is set while the chip waits for that bank's transfer to end, at most for one packet.
 void DiscardInputs() {
   SelectEndpoint(protocol::kInputEndpoint);
   for (uint8_t bank = 0; bank < 2 && QueuedInputs() != 0; ++bank) {
