@@ -12,8 +12,8 @@ namespace torquer::python {
 
 namespace {
 
-// Points in an observed vector: of the wire from its tip, and of the route from the nearest one on.
-// kApart_mm is their spacing.
+// Points in an observed vector: of the wire from its tip, and of the route from its nearest point
+// on. kApart_mm is their spacing.
 constexpr std::size_t kWirePoints = 4;
 constexpr std::size_t kRoutePoints = 4;
 constexpr double kApart_mm = 5;

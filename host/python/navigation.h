@@ -30,11 +30,11 @@ struct NavigationTask {
 /// Start of an episode.
 struct NavigationStart {
   double rotation_rad = 0;        ///< of the task's instrument
-  std::vector<Point> route = {};  ///< as in the task; empty: that of the task
+  std::vector<Point> route = {};  ///< as in the task; empty: the task's value
 };
 
-/// Results of a step or a reset; numpy sees them as the rows of an array. kSafeSuccess is NaN where
-/// it is not known, because forces of steps that did not converge decide it.
+/// Results of a step or a reset; numpy sees them as the rows of an array. kSafeSuccess is NaN if
+/// forces of steps without convergence decide it.
 enum class Fact {
   kReward,
   kTerminated,
@@ -72,7 +72,7 @@ struct NavigationState {
   NavigationMemory memory;
 };
 
-/// Runs episodes in turn. It belongs to one thread at a time, and refuses a second one.
+/// Runs episodes in turn. Only one thread may use it at a time; a second one is refused.
 class Navigation {
  public:
   using AfterTick = std::function<bool(const StepReport& tick)>;

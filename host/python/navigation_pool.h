@@ -27,7 +27,7 @@ struct NavigationBuffers {
   double* facts = nullptr;  ///< kFacts rows with one value for each environment
 };
 
-/// Its threads belong to the process that made it: calls of a forked child are refused.
+/// Only the process that made it has its threads: calls of a forked child are refused.
 class NavigationPool {
  public:
   /// `count` and `threads` > 0. The buffers must outlive this.
@@ -47,9 +47,9 @@ class NavigationPool {
   /// Starts a step of an environment, which must not be at work.
   void Step(std::size_t index, std::vector<double> action);
   /// Waits until `count` environments at work, or all of them, have finished. Returns them in the
-  /// order of finishing. Throws the exception of one of them.
+  /// order of finishing. If environments failed, throws the exception of one of them.
   std::vector<std::size_t> Wait(std::size_t count);
-  /// Same as Wait, but returns nothing after `longest`.
+  /// Same as Wait, but returns no environment after `longest`.
   std::optional<std::vector<std::size_t>> WaitFor(std::size_t count,
                                                   std::chrono::milliseconds longest);
   /// Throws for arguments that Reset and Step refuse, before any environment begins.

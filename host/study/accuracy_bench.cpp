@@ -22,8 +22,8 @@ constexpr double kTight = 1e-9;          // tolerance of references and companio
 constexpr double kAnotherBasinMm = 0.5;  // a smaller distance is an error, not another basin
 constexpr int kPlenty = 20000;
 
-// Budget by processor time of this thread. The first unit is always granted, otherwise nothing
-// would ever move.
+// Budget by processor time of this thread. The first unit is always granted. Otherwise the wire
+// would never move.
 class TimedBudget final : public WorkBudget {
  public:
   explicit TimedBudget(double budget_us) : end_s_(ThreadCpuSeconds() + 1e-6 * budget_us) {}
@@ -61,7 +61,7 @@ struct NewtonBench {
   NewtonRelaxation newton;
 };
 
-// Advances by `stretch_mm` in actions of kFeedMm. Returns how many did not converge.
+// Advances by `stretch_mm` in actions of kFeedMm. Returns the number of ticks without convergence.
 int Advance(NewtonBench& bench, double stretch_mm, WireState& state) {
   const InstrumentPose from = state.poses()[0];
   const int actions = static_cast<int>(std::lround(stretch_mm / kFeedMm));

@@ -7,7 +7,7 @@
 
 namespace torquer::study {
 
-/// `torquer-study effects`: cost of a tick of the T-Y phantom's wire, n = 250. Measured are no
+/// `torquer-study effects`: cost of a tick of the T-Y phantom's wire, n = 250. It measures no
 /// effect, each effect alone, each pair from a shipped scene, and all effects.
 std::unique_ptr<Study> MakeEffectsStudy();
 

@@ -69,9 +69,9 @@ inline constexpr std::array<Insertion, 7> kInsertions = {{
 /// Round bars compressed between two clamps until they buckle.
 ///
 /// s-aclaux/Various-Specimen-Buckling-Laboratory, commit 850c7f6, scripts/MoMBucklingLabCode.m: a
-/// laboratory report of an undergraduate at the University of Washington; moduli, sections, end
-/// conditions (effective length half the length), slenderness and peak stress of every specimen. No
-/// errors are stated, and only one specimen of each kind was tested.
+/// laboratory report of an undergraduate at the University of Washington. It has moduli, sections,
+/// end conditions (effective length half the length), slenderness and peak stress of every
+/// specimen. No errors are stated, and only one specimen of each kind was tested.
 namespace columns {
 
 struct Bar {

@@ -34,7 +34,7 @@ int Run(std::vector<std::string> words, const std::string& log) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
 }
 
-// Total count of a callgrind profile; nothing if the profile has none.
+// Total count of a callgrind profile; nullopt if the profile has none.
 std::optional<double> Total(const std::string& profile) {
   std::ifstream in(profile);
   for (std::string line; std::getline(in, line);) {

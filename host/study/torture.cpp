@@ -35,7 +35,7 @@ struct Tally {
   double deepest_mm = 0;
   double worst_rise = 0;
   // Scenes at rest: overlap of an instrument with the lumen around it, and smallest distance of
-  // instruments beside each other, in parts of that at which they touch.
+  // instruments beside each other. The unit is the distance at which they touch.
   std::optional<double> overlap_mm;
   std::optional<double> closest;
   int sharp_bends = 0;  // ticks at rest whose contacts are not checked

@@ -36,7 +36,7 @@ double DeepestPenetration(const WireModel& model, const ClearanceField& field,
 /// Largest unbalanced moment over the segments, per segment length and divided by the local EI,
 /// 1/mm^2. A moment per length is an unbalanced transverse force. It is divided by EI/(1 mm)^2, the
 /// force that bends a millimeter of this wire by a radian. The result does not depend on the
-/// segment length. `gradient` is that of a QuadraticModel at `state`.
+/// segment length. `gradient`: from a QuadraticModel at `state`.
 double ResidualPerLength(const WireModel& model, const WireState& state,
                          const std::vector<Eigen::Vector2d>& gradient);
 

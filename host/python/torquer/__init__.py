@@ -10,7 +10,7 @@
         simulation.step(0.1 * (k + 1), hands)
     print(simulation.tips_mm[0])
 
-Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s.
+Lengths are in mm, angles in rad, angles of the C-arm in degrees, times in s.
 """
 
 import importlib.util

@@ -88,7 +88,7 @@ def _groups(rows: List[Dict[str, Any]], axis: str, reading: str) -> Dict[Any, Li
 
 
 def _explained(rows: List[Dict[str, Any]], axis: str, reading: str, drawn: bool) -> float:
-    """Share of a reading's variance that an axis explains, 0 to 1: mean over scenes and motions."""
+    """Fraction of a reading's variance that an axis explains, 0 to 1: mean over scenes and motions."""
     kinds: Dict[Tuple[str, str], List[Dict[str, Any]]] = {}
     for row in rows:
         kinds.setdefault((row["scene"], row["motion"]), []).append(row)

@@ -38,13 +38,13 @@ class Task:
     tolerance: float = 1e-4
     """Tolerance to which a step is relaxed; a scene's default is 1e-6."""
     segment_mm: Optional[float] = None
-    """Segment length of the wire; None: that of the scene. Longer ones are faster and coarser."""
+    """Segment length of the wire; None: the scene's value. Longer segments are faster and coarser."""
     longest_feed_mm: Optional[float] = None
-    """Longest feed before the wire is relaxed again; None: that of the scene."""
+    """Longest feed before the wire is relaxed again; None: the scene's value."""
     longest_tick_ms: Optional[float] = None
-    """Longest tick while the vessel moves or blood flows; None: that of the scene."""
+    """Longest tick while the vessel moves or blood flows; None: the scene's value."""
     picture_px: Optional[int] = None
-    """Width and height of pictures, 64 to 1024; None: those of the scene."""
+    """Width and height of pictures, 64 to 1024; None: the scene's values."""
     other_targets: Tuple[Tuple[Any, ...], ...] = ()
     """More targets: pairs of a centerline and at_mm, or (centerline, lowest, highest) for a random place
     between two. Each reset draws one of all targets, with equal probability."""
@@ -110,7 +110,7 @@ class Targets:
         return self._scene.route_mm(target[0], target[1], 1.0, self._instrument)
 
     def draw(self, random: np.random.Generator, chosen: Optional[Target]) -> Target:
-        """Target of an episode. Draws nothing if there is only one."""
+        """Target of an episode. Uses no random number if there is only one target."""
         if chosen is not None:
             return chosen
         if len(self.ranges) == 1 and self.ranges[0][1] == self.ranges[0][2]:
@@ -185,7 +185,7 @@ class Prepared:
 
 
 def check_options(options: Optional[Dict[str, Any]], known: Sequence[str]) -> Dict[str, Any]:
-    """Options of a reset, all of which are known."""
+    """Options of a reset. Unknown options are an error."""
     if options is None:
         return {}
     if not isinstance(options, dict):

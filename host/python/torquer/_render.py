@@ -24,8 +24,8 @@ class WireView:
     """Projection of a scene along the shorter horizontal side of its bounding box.
 
     The patient's head is at the top. In a scene without [patient_axes], the longest side is vertical.
-    The lumen is drawn as a disk at each point of the centerlines, with the clearance there as its
-    radius. It is that of the vessel at rest.
+    The lumen is drawn as a disk at each point of the centerlines, with the clearance there as its radius. It shows the
+    vessel at rest.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -40,8 +40,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
 
     Each gives the same as a NavigationEnv with the same seed and actions, bit for bit, for any
     number of threads. The step after the end of an episode only resets its environment, ignores the
-    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays. Where
-    "_safe_success" is False, "safe_success" is not known.
+    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays. If "_safe_success" is
+    False, "safe_success" is unknown.
 
     step() is send() and recv(), which may be called separately. send() starts some of the
     environments, and recv() returns those that finish first, while the others go on.
@@ -151,7 +151,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         seed: Union[None, int, Sequence[Optional[int]]] = None,
         options: Optional[Dict[str, Any]] = None,
     ) -> Tuple[Any, Dict[str, Any]]:
-        """Returns all to the start. seed: that of the first, one more for each next; or one for each.
+        """Returns all to the start. seed: seed of the first environment, one more for each next; or a list with one for
+        each.
         options: as in NavigationEnv.reset; and "reset_mask", an array of booleans: only those
         environments return to the start."""
         if self._at_work.any():
@@ -227,9 +228,9 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             self._start(int(k), None, None)
 
     def recv(self, count: Optional[int] = None) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
-        """Results of the `count` that finish first, or of all that are at work: observations,
-        rewards, terminated, truncated and info, in the order of info["env_id"]. If one of them
-        fails, this waits for all, and raises the error."""
+        """Results of the `count` environments that finish first, or of all that are at work: observations, rewards,
+        terminated, truncated and info, in the order of info["env_id"]. If an environment fails, this waits for all, and
+        raises the error."""
         if not self._at_work.any():
             raise Error("no environment is running; call send() with actions first")
         if count is not None:

@@ -246,7 +246,7 @@ def run(
     """Runs the cases of a study file that are not stored in the folder `out` yet.
 
     workers: processes on this machine; 0: threads of this process, one for each core.
-    scheduler: address of Dask's scheduler, as "tcp://node1:8786", in place of both.
+    scheduler: address of Dask's scheduler, as "tcp://node1:8786"; replaces workers.
     progress: stream for a line about the progress.
     on_case: called after each case that was stored.
 

@@ -27,7 +27,7 @@ _MOST_BYTES = 256 << 20
 _MOST_POINTS = 5_000_000
 _MOST_LINES = 1000
 _DEEPEST = 16
-# Share of its radius within which a point lies on another line.
+# A point within this fraction of its radius from another line lies on that line.
 _ON_LINE = 0.1
 # Steps of the other line among which the next point's nearest one is searched.
 _STEPS_AHEAD = 200
@@ -89,7 +89,7 @@ class _Reader:
             raise Error(f"{path}: cannot be read ({error.strerror}); check the disk") from None
         if len(contents) > _MOST_BYTES:
             raise Error(f"{path}: larger than {_MOST_BYTES} bytes; give the centerlines alone")
-        # Raw appended data is no XML, so it is removed before the parsing.
+        # Raw appended data is not XML, so it is removed before the parsing.
         self._appended = b""
         self._appended_base64 = False
         at = contents.find(b"<AppendedData")
@@ -315,7 +315,7 @@ def _nearest(line: Line, point: Any, first: int, last: int) -> Tuple[float, int]
 
 
 def _points_shared(line: Line, earlier: List[Line]) -> int:
-    """Number of points with which a line begins that lie on one of the earlier lines."""
+    """Number of first points of a line that lie on an earlier line."""
     most = 0
     for other in earlier:
         steps = len(other.points) - 1
@@ -332,7 +332,7 @@ def _points_shared(line: Line, earlier: List[Line]) -> int:
 
 
 def without_trunks(lines: List[Line]) -> List[Line]:
-    """Leaves out what a line shares with an earlier one, except for the point where it branches off.
+    """Removes the part of a line that lies on an earlier one, except for the point where it branches off.
 
     VMTK repeats the trunk in the line to each target; blood would flow through it twice.
     """
@@ -351,8 +351,8 @@ def convert(
 ) -> str:
     """Writes each line of a .vtp as a curve in a new folder; returns a description.
 
-    unit: of the file's coordinates, one of UNITS. The curves name no coordinate system, as the file
-    has none: they lie in that of the surface.
+    unit: of the file's coordinates, one of UNITS. Neither the file nor the curves name a coordinate system. The curves
+    must be in that of the surface.
     """
     read = read_vtp(source)
     lines = without_trunks(read)

@@ -61,9 +61,9 @@ class NavigationEnv(Env):  # type: ignore[misc]
     [effects.fluoroscopy], shape (height, width, 1), uint8. ("vector", "picture") gives both in a dict.
     The finite bounds of the space are valid for all motions.
 
-    Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has
-    "success" (the target was reached), "safe_success" (and no force was above the limit; None if
-    forces that did not converge decide it), "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, "time_s", and the
+    Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has "success" (the
+    target was reached), "safe_success" (success without a force above the limit; None if forces of steps without
+    convergence decide it), "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, "time_s", and the
     "target", a centerline, with its "target_at_mm".
 
     reward: a function of a Moment whose result replaces that reward. end: a function of a Moment; if it
@@ -122,9 +122,8 @@ class NavigationEnv(Env):  # type: ignore[misc]
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[Any, Dict[str, Any]]:
-        """Returns to the start. options: "rotation_rad", that of the task's instrument at the start;
-        "target", a pair of a centerline and at_mm, one of the task's. Without them, both are random, by
-        the seed."""
+        """Returns to the start. options: "rotation_rad", the start rotation of the task's instrument; "target", a pair
+        of a centerline and at_mm from the task's targets. Without them, both are random, by the seed."""
         options = check_options(options, ["rotation_rad", "target"])
         chosen = chosen_rotation(options)
         chosen_target = self._targets.chosen(options)
@@ -218,7 +217,7 @@ def make_vec(
 
 def register() -> None:
     """Registers each task with Gymnasium, as "torquer/NeuroArch-v0". The import of torquer.envs calls
-    this where Gymnasium is installed. A second call changes nothing."""
+    this where Gymnasium is installed. A second call has no effect."""
     if gymnasium is None:
         raise Error("gymnasium is not installed; use torquer.envs.make")
     for name in TASKS:

@@ -292,7 +292,7 @@ def _write_text(path: pathlib.Path, text: str) -> None:
 
 
 def write_folder(folder: Path, files: Dict[str, str]) -> None:
-    """Makes a folder with these files, by their names: all of them, or none."""
+    """Makes a folder with these files, by their names. After an error there is no folder."""
     folder = pathlib.Path(folder)
     if os.path.lexists(folder):
         raise Error(f"{folder}: exists already; remove it, or give another name")
@@ -328,8 +328,8 @@ def write(states: Sequence[State], path: Path) -> str:
     """Writes states in the format of the path's ending, and returns a description.
 
     .pvd: a series for ParaView, with a .vtp for each state in the folder of the same name, which
-    must not exist yet. .csv: a row for each node. .vtp and .mrk.json: only the last state. Of
-    instruments on several curves, .mrk.json has the one that reaches farthest; the others have all.
+    must not exist yet. .csv: a row for each node. .vtp and .mrk.json: only the last state. For instruments on several
+    curves, .mrk.json has the curve that reaches farthest; the other formats have all curves.
     """
     path = pathlib.Path(path)
     if not states:

@@ -64,7 +64,7 @@ class StableVecEnv(VecEnv):  # type: ignore[misc]
         return observations
 
     def seed(self, seed: Optional[int] = None) -> List[Optional[int]]:
-        """Seeds for the next reset(): that of the first environment, one more for each next."""
+        """Seeds for the next reset(): `seed` for the first environment, one more for each next."""
         self._chosen_seed = int(np.random.randint(2**31)) if seed is None else seed
         return [self._chosen_seed + k for k in range(self.num_envs)]
 
@@ -115,11 +115,11 @@ class StableVecEnv(VecEnv):  # type: ignore[misc]
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> List[Optional[npt.NDArray[np.uint8]]]:
-        """Nothing: a vector of environments renders nothing."""
+        """None: a vector of environments renders no picture."""
         return [None] * self.num_envs
 
     def _infos(self, info: Dict[str, Any]) -> List[Dict[str, Any]]:
-        """`info` of the vector for each environment, as that of a NavigationEnv."""
+        """`info` of the vector for each environment, as from a NavigationEnv."""
         names = [name for name in info if name not in ("env_id", "_safe_success")]
         infos = [{name: info[name][k].item() for name in names} for k in range(self.num_envs)]
         for one, is_known in zip(infos, info["_safe_success"]):

@@ -31,7 +31,7 @@ struct BendingValue {
 inline BendingValue EvaluateBending(BendingLaw law, double y) {
   if (law == BendingLaw::kG1) return {y + y * y / 12, 1 + y / 6, 1.0 / 6};
   if (law == BendingLaw::kG2) return {y - y * y / 2, 1 - y, -1};
-  // 2 s asin(s) with s^2 = y/2 as a series; what is left out is below 1e-15 of the sum.
+  // 2 s asin(s) with s^2 = y/2 as a series; the omitted terms are below 1e-15 of the sum.
   constexpr double kC[] = {1.0,          1.0 / 12,     3.0 / 160,      5.0 / 896,
                            35.0 / 18432, 63.0 / 90112, 231.0 / 851968, 143.0 / 1310720};
   if (y < 1e-4) {  // where most joints of a fine wire are

@@ -27,7 +27,7 @@ class ClearanceField {
 
   /// Value only, mm.
   virtual double Clearance(const Eigen::Vector3d& point_mm) const = 0;
-  /// Value and gradient; leaves `hessian` as it was.
+  /// Value and gradient; does not write `hessian`.
   virtual void EvaluateGradient(const Eigen::Vector3d& point_mm, ClearanceSample& out) const = 0;
   /// Value, gradient and Hessian.
   virtual void EvaluateHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const = 0;

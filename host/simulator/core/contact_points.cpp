@@ -74,7 +74,7 @@ void ContactPoints::SampleStiffness(const Curve& curve) {
   }
 }
 
-// Sets what the points know of the instruments on the curve.
+// Sets the points' data about the instruments on the curve.
 void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
                                      PointSet& points) const {
   constexpr double kRoundingMm = 1e-9;

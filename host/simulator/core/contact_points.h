@@ -1,4 +1,4 @@
-// Contact points: the points at which the wire may touch the wall, and their field look-ups.
+// Contact points: the points of the wire that may touch the wall, and their field look-ups.
 #pragma once
 
 #include <Eigen/Core>
@@ -39,7 +39,7 @@ struct WallModel {
 /// bound. Until then its look-up is skipped, which leaves the results bit-identical.
 class ContactPoints {
  public:
-  /// Keeps references to all. `stack`: of several instruments, of which `curve` is one curve; null
+  /// Keeps references to all. `stack`: the stack of several instruments that contains `curve`; null
   /// for a lone curve with all instruments of its states.
   ContactPoints(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                 const InstrumentStack* stack, int curve);
@@ -51,8 +51,8 @@ class ContactPoints {
   /// Samples the wall's stiffness at every point. Call it after each move of the wire. Place does
   /// so itself after a move of the vessel.
   void SampleStiffness(const Curve& curve);
-  /// Updates the radii to those of the model where they have grown. Call it after they changed, as
-  /// the radii of a rod of several instruments do.
+  /// Takes over the radii of the model. Call it after they changed, as the radii of a rod of
+  /// several instruments do.
   void UpdateRadii();
   /// Forgets the stored look-ups. Call it after the state was replaced rather than moved.
   void Forget();

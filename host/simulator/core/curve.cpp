@@ -21,7 +21,7 @@ Vector2d Conjugate(const Vector2d& a) { return {a[0], -a[1]}; }
 double Angle(double cosine, double sine) {
   const double square = sine * sine;
   if (!(cosine > 0) || square > 4e-3) return std::atan2(sine, cosine);
-  // asin as a series; what is left out is below 1e-15 of the sum.
+  // asin as a series; the omitted terms are below 1e-15 of the sum.
   return sine * (1 + square * (1.0 / 6 +
                                square * (3.0 / 40 + square * (5.0 / 112 + square * 35.0 / 1152))));
 }
@@ -341,7 +341,7 @@ Vector3d RestDirection(const WireModel& model, const Curve& curve, int joint) {
     s = turn[1] * twist[0] + turn[0] * twist[1];
   }
   Vector3d rest = model.rest_direction(from_tip);
-  // Near the sheath a joint stands for a length other than that of a segment (see JointLength).
+  // Near the sheath the length of a joint differs from the length of a segment (see JointLength).
   if (joint <= 1) {
     const double fraction = curve.first_segment_mm() / model.segment_mm();
     rest = FractionOfRest(rest, joint == 0 ? fraction / 2 : (fraction + 1) / 2);

@@ -27,7 +27,7 @@ using Frame = Eigen::Matrix<double, 3, 2, Eigen::RowMajor>;
 ///
 /// Every member function leaves a consistent wire: unit tangents, unit normals across them, exact
 /// lengths, and nodes that follow from them. The model argument is always the model that the curve
-/// was made for. Nothing allocates after construction.
+/// was made for. No function allocates after construction.
 class Curve {
  public:
   /// n = 0; room for model.max_segments(). `instruments`: number of instruments of the wire.
@@ -49,8 +49,9 @@ class Curve {
   /// turned by rotation_rad().
   const std::vector<Eigen::Vector2d>& reference_twist() const { return reference_twist_; }
   /// For a wire or a stack that twists: n, by joint, an angle about the tangent. It turns the
-  /// normal carried on from the proximal segment to that of the distal one. At joint 0 the sheath's
-  /// normal is used, which turns with the hand of a lone wire. Otherwise empty.
+  /// normal that is carried over from the proximal segment to the normal of the distal segment. At
+  /// joint 0 the sheath's normal is used, which turns with the hand of a lone wire. Otherwise
+  /// empty.
   const std::vector<double>& twist_rad() const { return twist_rad_; }
   /// For a stack that twists: n, angles about the tangent from the segment's normal to the first
   /// normal of each instrument on this curve. The first normal is fixed to the instrument's
@@ -93,7 +94,7 @@ class Curve {
   /// follows the path within a segment. Frames are untwisted.
   void LayAlong(const WireModel& model, const std::vector<Eigen::Vector3d>& path_mm,
                 const InstrumentPoses& poses, double reach_mm);
-  /// Sets the poses of the instruments; moves nothing.
+  /// Sets the poses of the instruments, without moving a node.
   void SetPoses(const InstrumentPoses& poses) { poses_ = poses; }
   /// Moves the instruments to `poses`. If that changes their reach, Feed must follow. An
   /// instrument that twists slides along the wire, which Feed moves afterwards. It turns as a
@@ -185,8 +186,8 @@ inline double JointLength(const WireModel& model, const Curve& curve, int joint)
   return joint == 1 ? (curve.first_segment_mm() + lambda) / 2 : curve.first_segment_mm() / 2;
 }
 
-/// Length of wire that node i > 0 stands for, mm: half of the segments on either side of it. At the
-/// distal end this is half a segment.
+/// Length of wire that node i > 0 represents, mm: half of each neighboring segment. At the distal
+/// end this is half a segment.
 inline double NodeLength(const WireModel& model, const Curve& curve, int node) {
   const double beyond_mm = node < curve.segments() ? model.segment_mm() : 0;
   return (curve.SegmentLength(model, node - 1) + beyond_mm) / 2;

@@ -34,7 +34,7 @@ namespace torquer {
 struct WallSpring {
   double stiffness_N_mm;    ///< k times the length that the point stands for
   double penetration_mm;    ///< negative: minus the distance to contact
-  double force_N;           ///< with which it presses: as set by Press, >= 0
+  double force_N;           ///< force of the spring, set by Press, >= 0
   Eigen::Matrix3d hessian;  ///< N/mm
 
   /// Force of the point at rest: 0 without contact, N.
@@ -85,7 +85,7 @@ struct CurveQuadraticModel {
 /// Evaluates quadratic models of one curve. Not thread-safe.
 class CurveMechanics {
  public:
-  /// Keeps references to all. `stack`: of several instruments, of which `curve` is one curve; null
+  /// Keeps references to all. `stack`: the stack of several instruments that contains `curve`; null
   /// for a lone curve.
   CurveMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                  const InstrumentStack* stack, int curve);

@@ -54,9 +54,10 @@ class BetweenTerm {
 };
 
 /// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
-/// twists, of its normals. It may couple a point with its spin, but no other two of them. Its
-/// gradient must be continuous. Its Hessian may be replaced by a positive semidefinite
-/// approximation. Every call with a PointSet is made for each curve, from the innermost outwards.
+/// twists, of its normals. It may couple the unknowns of one point and its spin, but no other two
+/// unknowns. Its gradient must be continuous. Its Hessian may be replaced by a positive
+/// semidefinite approximation. Every call with a PointSet is made for each curve, from the
+/// innermost outwards.
 class EnergyTerm {
  public:
   EnergyTerm() = default;

@@ -180,8 +180,8 @@ void Curve::FeedAtBase(const WireModel& model, double to_mm) {
 }
 
 void Curve::InsertSegment(const WireModel& model, int at, const Vector3d& tangent) {
-  // A segment inserted at the sheath precedes the short first one only in name. Lengths belong to
-  // places, and place 0 keeps its length.
+  // A segment inserted at the sheath precedes the short first one only in name. Each length stays
+  // with its position in the curve, and position 0 keeps its length.
   if (segments() == 0) {
     first_segment_mm_ = model.segment_mm();
     insertion_mm_ = 0;

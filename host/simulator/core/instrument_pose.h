@@ -20,7 +20,7 @@ struct InstrumentPose {
 /// One pose for each instrument of a stack, the innermost first. No heap.
 class InstrumentPoses {
  public:
-  /// `count` instruments, 1 .. kMostInstruments, nothing inserted.
+  /// Poses of `count` instruments, 1 .. kMostInstruments, with no length inserted.
   explicit InstrumentPoses(int count = 1) : count_(count) {
     assert(count >= 1 && count <= kMostInstruments);
   }

@@ -203,7 +203,7 @@ void FindMoments(const WireModel& model, const WireState& state, const Quadratic
   if (twists) out.twisting_mJ[static_cast<std::size_t>(n)] = out.twisting_mJ.end()[-2];
 }
 
-// Adds the contact forces of two curves on one of them.
+// Adds the contact forces between two curves to the forces on one of them.
 void AddBetween(const WireState& state, const BetweenCurves& between, bool inner, CurveLoads& out) {
   const Eigen::Index first = inner ? 0 : 5;
   const std::vector<Vector3d>& inward = state.curve(between.inner).tangents();

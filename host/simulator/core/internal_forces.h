@@ -18,9 +18,9 @@ struct LumenLoad {
   double past_mm;           ///< distance past the segment's proximal node
   bool in_own_lumen;        ///< the place is in the lumen of this curve
   Eigen::Vector3d force_N;  ///< on the curve
-  /// Part of the force along the curve that its hand does not feel. A wire that slides along itself
-  /// leaves the contact as it is: only the end of the contact, a mouth or a tip, moves with its
-  /// curve. So the hand of that curve feels the push along.
+  /// Part of the force along the curve that its hand does not feel. A wire that slides along its
+  /// path does not change the contact. Only the end of the contact, a mouth or a tip, moves with
+  /// its curve. So the hand of that curve feels the push along.
   double unfelt_N;
 };
 
@@ -36,9 +36,9 @@ struct CurveLoads {
 };
 
 /// Internal forces at the nodes, one entry per node 0 .. n. They are sums over all instruments on
-/// the curve that reaches farthest. Wall contacts are those of the outermost instrument at the
-/// node, without those of a wire beside it. Internal forces and moments are those of the part
-/// distal of the node on the proximal part.
+/// the curve that reaches farthest. Wall contacts: those of the outermost instrument at the node,
+/// without those of a wire beside it. Internal forces and moments: those of the part distal of the
+/// node on the proximal part.
 struct InternalForces {
   std::vector<Eigen::Vector3d>
       contact_N;                       ///< force of the wall on the wire: normal force and friction

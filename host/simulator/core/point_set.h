@@ -57,8 +57,8 @@ struct PointSet {
     int last = 1;   ///< one past the outermost on the curve
     /// Distance of the tip of each behind the end of the curve.
     std::array<double, kMostInstruments> behind_mm = {};
-    /// One per segment: unit, across it; for a lone wire, fixed to its material. Empty if nothing
-    /// twists.
+    /// One per segment: unit, across it; for a lone wire, fixed to its material. Empty if no
+    /// instrument twists.
     std::vector<Eigen::Vector3d> normals;
     /// Angle of each instrument against these normals; one entry per segment. Empty for a lone
     /// wire.
@@ -91,8 +91,8 @@ struct PointSet {
     /// in the lumen, `per_segment` for each segment, from the sheath to the mouth or the tip.
     /// Otherwise empty.
     std::vector<LumenContact> lumen;
-    /// Same for the places beside another curve of a higher number. A place that faces nothing has
-    /// no force.
+    /// Same for the places beside another curve of a higher number. A place that faces no segment
+    /// has no force.
     std::vector<LumenContact> beside;
     int per_segment = 2;
   };

@@ -96,13 +96,13 @@ class Relaxation {
   virtual void Restart(WireState& state) = 0;
   /// Quadratic model at the state after the last Tick or Restart: contacts, gradient.
   virtual const QuadraticModel& Current() const = 0;
-  /// Energy of bending, wall and terms at that state, without the dissipated part, mJ. Other than
-  /// that of the quadratic model it has the part of a stack that acts on no shape (README (38)).
+  /// Energy of bending, wall and terms at that state, without the dissipated part, mJ. It includes
+  /// the energy of a stack that acts on no shape (README (38)), which the quadratic model omits.
   double EnergyMJ(const WireState& state) const;
   /// Estimated distance of a node from its fully relaxed position, mm, after the last Tick or
   /// Restart. It is the largest displacement of the next Newton step. NaN if the method cannot
-  /// estimate it, or if the state is near no minimum. Costs about a third of an iteration; changes
-  /// nothing.
+  /// estimate it, or if the state is near no minimum. Costs about a third of an iteration; does not
+  /// change the state.
   virtual double SolverErrorMm(const WireState& state) {
     static_cast<void>(state);
     return std::numeric_limits<double>::quiet_NaN();
@@ -111,7 +111,8 @@ class Relaxation {
   /// Tick or Restart. It is the largest displacement, to leading order in the segment length
   /// (README section 19). NaN if the method cannot estimate it. This is the case if the wire
   /// touches the wall or twists, or if the state is near no minimum. It is also the case if a term
-  /// remembers the path (EnergyTerm::Dissipates). Costs about half an iteration; changes nothing.
+  /// remembers the path (EnergyTerm::Dissipates). Costs about half an iteration; does not change
+  /// the state.
   virtual double DiscretizationErrorMm(const WireState& state) {
     static_cast<void>(state);
     return std::numeric_limits<double>::quiet_NaN();

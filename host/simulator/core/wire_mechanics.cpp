@@ -131,7 +131,7 @@ void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) c
   }
 }
 
-// Sets what the points of each curve know of the other curves.
+// Sets the points' data about the other curves, for each curve.
 void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) const {
   const int farthest = state.FarthestCurve();
   for (int c = 0; c < curves(); ++c) {
@@ -144,7 +144,7 @@ void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) co
   }
 }
 
-// Radius of the curves within a curve; that of a section of the same area if there are two.
+// Radius of the curves within a curve. For two curves, the radius of a section of the same area.
 void WireMechanics::FindInside(const WireState& state, int curve, PointSet& points) const {
   points.among.inside_mm.assign(points.position.size(), 0);
   for (int inner = 0; inner < curve; ++inner) {

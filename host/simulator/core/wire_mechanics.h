@@ -17,7 +17,7 @@
 
 namespace torquer {
 
-/// Quadratic model of the whole energy at one state. It is that of the innermost curve, like
+/// Quadratic model of the whole energy at one state. It has the data of the innermost curve, like
 /// WireState, with those of the curves around it. Energy, residual and penetration are those of all
 /// curves.
 struct QuadraticModel : CurveQuadraticModel {
@@ -56,7 +56,7 @@ class WireMechanics {
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
   void BuildModel(const WireState& state, QuadraticModel& out);
-  /// Replaces the loads of a curve by those of the model in which the wall acts on exactly the near
+  /// Replaces the loads of a curve by those of the model in which the wall acts only on the near
   /// points with `active`. `active` has one entry per near point. Everything else stays that of the
   /// state.
   void SumActiveLoads(const WireState& state, int curve, const std::vector<std::uint8_t>& active,

@@ -83,7 +83,7 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     radius_.push_back(SectionAt(sections_, from_tip_mm).radius_mm);
     const double torsional = JointTorsionalRigidity(sections_, from_tip_mm, segment_mm);
     if (torsional > 0) torsional_rigidity_.push_back(torsional);
-    // The joint at the distal end (k = 0) joins nothing.
+    // The joint at the distal end (k = 0) has no distal segment.
     if (!rest_rad.isZero(0)) first_straight_ = k + 1;
     rest_direction_.push_back(BentDirection(rest_rad));
   }

@@ -11,7 +11,7 @@
 
 namespace torquer {
 
-/// End of the sheath: the point at which the wire enters the vessel and is clamped.
+/// End of the sheath: the point where the wire enters the vessel and is clamped.
 struct Sheath {
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
@@ -40,7 +40,7 @@ class WireModel {
     double rigidity_N_mm2;
     double radius_mm;
     Eigen::Vector2d rest_rad;  ///< rest angle, towards first and second normal
-    /// Energy of a whole joint with which instruments of different rest bend each other
+    /// Energy of a whole joint between instruments of different rest shape, which bend each other
     /// (README (38)). It changes with their poses only; 0 for instruments that twist.
     double mutual_mJ = 0;
   };
@@ -60,9 +60,9 @@ class WireModel {
       double torsional_rigidity_N_mm2 = 0;
     };
     std::array<Share, kMostInstruments> of;  ///< by instrument
-    /// Energy with which two instruments of different rest bend each other, by the angle D from the
-    /// normals of a to those of b: constant - along cos(D) - across sin(D), mJ (README (38)). The
-    /// constant is 0 only where both are straight.
+    /// Energy of two instruments of different rest shape that bend each other: constant - along
+    /// cos(D) - across sin(D), mJ (README (38)). D is the angle from the normals of a to those of
+    /// b. The constant is 0 only where both are straight.
     struct Mutual {
       double constant_mJ = 0;
       double along_mJ = 0;
@@ -75,7 +75,7 @@ class WireModel {
   void ReplaceJoints(const std::vector<Joint>& joints, const std::vector<TwistingJoint>& twisting,
                      int first, int count, int tip_segments);
 
-  /// Sections of an instrument, as given; those of a rod have no meaning.
+  /// Sections of an instrument; not set for a rod.
   const std::vector<WireSection>& sections() const { return sections_; }
   double segment_mm() const { return segment_mm_; }        ///< lambda
   int tip_segments() const { return tip_segments_; }       ///< M of the paper
@@ -112,8 +112,8 @@ class WireModel {
   int first_straight_joint() const { return first_straight_; }
   /// Upper bound of first_straight_joint().
   int most_curved_joints() const { return most_curved_; }
-  /// Unit direction in which the distal segment of a joint rests, in the frame (untwisted normal,
-  /// second normal, tangent) of the proximal one. (0, 0, 1) from first_straight_joint() on.
+  /// Rest direction of the distal segment of a joint, a unit vector in the frame (untwisted normal,
+  /// second normal, tangent) of the proximal segment. (0, 0, 1) from first_straight_joint() on.
   const Eigen::Vector3d& rest_direction(int from_tip) const {
     return rest_direction_[Clamp(from_tip)];
   }

@@ -9,8 +9,8 @@ using Eigen::Vector2d;
 
 namespace {
 
-// A step between sections has a short length. Where it begins at a joint, the next hat holds this
-// little of it; the next joint rests straight.
+// A step between sections has a short length. If it begins at a joint, the next hat contains only
+// this small part of it, and the next joint rests straight.
 constexpr double kStraightRad = 1e-12;
 
 Vector2d CurvatureOf(const WireSection& section) {

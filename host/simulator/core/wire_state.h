@@ -57,7 +57,7 @@ class WireState : public Curve {
     return others_.emplace_back(model, instruments);
   }
 
-  /// Exchanges all curves with a state whose curves were stepped from those of this one.
+  /// Exchanges all curves with a state whose curves were stepped from the curves of this state.
   void TakeStep(WireState& stepped) {
     Curve::TakeStep(stepped);
     for (std::size_t k = 0; k < others_.size(); ++k) others_[k].TakeStep(stepped.others_[k]);

@@ -38,7 +38,7 @@ std::unique_ptr<Relaxation> MakeRelaxation(Way way, const HardScene& scene,
                                             terms);
 }
 
-// Depth of the wire in the wall if nothing bent it.
+// Depth of a straight wire in the wall.
 double UnbentDepth(const HardScene& scene) {
   double length_mm = scene.start_mm;
   for (const InstrumentPoses& target : scene.script) {

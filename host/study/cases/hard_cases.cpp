@@ -184,7 +184,8 @@ void AddRandom(std::vector<HardCase>& cases) {
 // Sets the cases in which the paper's method differs from the default PaperExpectation.
 void AddPaper(std::vector<HardCase>& cases) {
   const std::map<std::string, PaperExpectation> rows = {
-      // The wire is out of reach of the wall or drawn back from it: nothing hinders the cycles.
+      // The wire does not reach the wall, or is drawn back from it, so the cycles are not
+      // disturbed.
       {"full insert and retract in turn", {.settles = true}},
       {"n = 1", {.deepest_mm = 0.0, .settles = true}},
       {"n = 2", {.deepest_mm = 0.0, .settles = true}},

@@ -48,7 +48,7 @@ struct HardScene {
 /// therefore bounded in all ticks, not only in the converged ones. The table gives the reasons for
 /// exceptions.
 struct PaperExpectation {
-  /// Deepest penetration allowed in any tick. No value: that of an unbent wire.
+  /// Deepest penetration allowed in any tick. No value: the depth of an unbent wire.
   std::optional<double> deepest_mm = 0.2;
   bool settles = false;    ///< it converges after the script nevertheless
   bool or_unbent = false;  ///< may be as deep as an unbent wire, if that is deeper

@@ -192,7 +192,7 @@ class Draw {
     const bool assessment = Chance(0.3);
     if (assessment || Chance(0.3)) Add("[effects.wall_force]\nthreshold_mN = 30\n\n");
     if (Chance(0.5)) Add("[effects.internal_forces]\n\n");
-    // Takes no random number, so that those of the rest of the scene stay.
+    // Uses no random number, so that the rest of the scene does not change.
     if (std::mt19937(random_)() % 4 == 0) Add("[effects.outlets]\n\n");
     if (assessment) {
       Add("[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 50\n"

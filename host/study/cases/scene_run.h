@@ -20,7 +20,7 @@ struct SceneOutcome {
   double deepest_mm = 0;  ///< deepest penetration of the wall in all ticks
   double overlap_mm = 0;  ///< deepest penetration of a lumen's wall at rest
   double closest = 1;     ///< smallest distance of instruments beside each other at rest, in parts
-                          ///< of the distance at which they touch
+                          ///< as a fraction of the distance at which they touch
   double worst_rise = 0;  ///< relative rise of the energy over one step at rest
   bool settled = false;   ///< converged at the end, with the hands still
   double last_residual = 0;

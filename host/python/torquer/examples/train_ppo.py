@@ -1,7 +1,7 @@
 """Trains a policy to steer a wire into the first diagonal branch of a beating heart, by proximal policy optimization
-(Schulman et al. 2017) with generalized advantages, in PyTorch (Debian's python3-torch). The policy is then tested in
-30 unseen episodes, at the training accuracy and at that of the task. The script prints how many reach the target, and
-how many of them safely. A hand that only pushes is tested, too.
+(Schulman et al. 2017) with generalized advantages, in PyTorch (Debian's python3-torch). The policy is then tested in 30
+unseen episodes, at the accuracy of the training and of the task. The script prints the number of episodes that reach
+the target, and of those that do so safely. A hand that only pushes is tested, too.
 
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.train_ppo [PICTURE [UPDATES [SEED]]]
 """
@@ -75,7 +75,7 @@ def main(picture="train_ppo.png", updates=25, seed=1):
     """Trains and tests the policy, and draws the learning curve."""
     updates, seed = int(updates), int(seed)
     torch.manual_seed(seed)
-    torch.set_num_threads(1)  # the networks are small; the cores belong to the environments
+    torch.set_num_threads(1)  # the networks are small; the environments use the cores
     fine = torquer.envs.Task("diagonal_1", 30.0, longest_mm=1.0, max_steps=80, force_limit_mN=FORCE_LIMIT_MN)
     task = fine.for_training()
     env = torquer.envs.VectorEnv(torquer.scene_path("coronary"), COUNT, task=task)

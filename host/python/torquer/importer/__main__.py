@@ -154,7 +154,7 @@ def import_case(arguments: argparse.Namespace) -> str:
 
 
 def arguments_of(words: Optional[List[str]] = None) -> argparse.Namespace:
-    """Arguments of the command; by default those of this process."""
+    """Arguments of the command; default: the arguments of this process."""
     parser = argparse.ArgumentParser(
         prog="torquer-import",
         description="Makes a case from a patient's CT angiography, from a label map of the vessels, or from their surface: "

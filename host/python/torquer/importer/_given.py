@@ -27,15 +27,15 @@ _JOINS = 0.25
 
 
 def is_surface(path: Path) -> bool:
-    """True for a file whose name ends as that of a surface."""
+    """True for a file with the name of a surface."""
     return os.fspath(path).lower().endswith(ENDINGS) and not os.path.isdir(path)
 
 
 def read_surface(path: Path, mesh_unit: str, space: Optional[str]) -> Tuple[Mesh, str, List[str]]:
     """Repaired, closed surface in LPS and mm, the space of the file, and sentences about it.
 
-    space: LPS or RAS if the user says so; otherwise that of the file, or LPS. Raises Error naming
-    the file, the defect and the remedy.
+    space: LPS or RAS from the user; otherwise from the file; otherwise LPS. Raises Error naming the file, the defect
+    and the remedy.
     """
     path = os.fspath(path)
     if path.lower().endswith(_BY_VTK):
@@ -86,7 +86,7 @@ def _by_vtk(path: str) -> Tuple[Points, npt.NDArray[np.int64], str]:
 
 
 def _polydata(path: str, header: bytes, faults: List[str]) -> Any:
-    """Contents of a file; `faults` gets what VTK says against it."""
+    """Contents of a file; `faults` gets VTK's messages about it."""
     core = need("vtkmodules.vtkCommonCore")
     if header.lstrip().startswith(b"<"):
         reader = need("vtkmodules.vtkIOXML").vtkXMLPolyDataReader()
@@ -113,8 +113,8 @@ def _polydata(path: str, header: bytes, faults: List[str]) -> Any:
 def read_lines(path: Path, mesh_unit: str, space: str, root_mm: Optional[Any]) -> Tuple[List[Curve], List[str]]:
     """Tree of the lines in a .vtp of VMTK, and sentences about it.
 
-    Lines may share their trunk, as those of vmtkcenterlines, or end where they branch. The tree
-    begins at the free end that is nearest to root_mm, or at the first point of the first line.
+    Lines may share their trunk, as from vmtkcenterlines, or end where they branch. The tree begins at the free end that
+    is nearest to root_mm, or at the first point of the first line.
     """
     read = read_vtp(path)
     lines = without_trunks(read)

@@ -12,7 +12,7 @@ Flat = npt.NDArray[np.intp]
 
 
 class Grid:
-    """Flat indices of a volume with a border of one voxel, into which nothing grows."""
+    """Flat indices of a volume with a border of one voxel, which stays empty."""
 
     def __init__(self, shape: Sequence[int]) -> None:
         self.shape = tuple(n + 2 for n in shape)

@@ -63,8 +63,8 @@ def bend_of_tip(direction: Any, anterior: Any = ANTERIOR, left: Any = LEFT) -> T
 
     anterior, left: the patient's directions in the frame of the vessel's file.
 
-    The simulator's first normal is the file's axis that is most across the direction. It jumps
-    between axes as the direction changes, so it is no zero for a rotation.
+    The simulator's first normal is the file's axis that is most across the direction. It jumps between axes as the
+    direction changes, so it cannot be the zero of a rotation.
     """
     axis = np.eye(3)[int(np.abs(direction).argmin())]
     first = unit(axis - axis @ direction * direction)

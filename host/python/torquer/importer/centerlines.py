@@ -28,10 +28,10 @@ Indices = npt.NDArray[np.intp]
 # Points on the surface: their number, and their distance by the ratio of volume to area, within limits.
 _MOST_POINTS, _STEP_SHARE, _STEPS_MM = 20_000, 0.3, (0.4, 1.0)
 _WIDEST_MM = 60.0
-# A tip: its generating points lie apart by this many radii, so that it is no sliver beside the wall.
+# Distance of a tip's generating points, in radii. A tip with less is only a sliver beside the wall.
 _APART = 1.2
-# A branch covers this many radii and mm about itself. It is kept if its part outside of this many
-# radii of the others is longer than so many radii there, and mm.
+# A branch covers this many radii and mm about itself. A curve is kept if its part outside the first number of radii of
+# the others is longer than the second number of radii, and than the length in mm.
 _COVER, _COVER_MM = 1.3, 2.0
 _OUTSIDE, _LEAST_RADII, _LEAST_MM = 1.15, 2.5, 3.0
 _MOST_CURVES = 200
@@ -274,8 +274,8 @@ def clamp(radii: Floats, points: Points, parent: Curve) -> Floats:
 def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
     """Centerlines of a closed surface whose triangles face outward.
 
-    root_mm: the first curve begins at the tip that is nearest to it; by default that of the widest
-    vessel. Raises Error if the surface encloses no lumen.
+    root_mm: the first curve begins at the tip nearest to this point; default: the tip of the widest vessel. Raises
+    Error if the surface encloses no lumen.
     """
     area = float(np.linalg.norm(mesh.area_vectors(), axis=1).sum())
     fine_mm = float(np.clip(_STEP_SHARE * abs(mesh.volume_mm3()) / area, *_STEPS_MM))

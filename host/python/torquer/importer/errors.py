@@ -89,7 +89,7 @@ def imported(folder: pathlib.Path) -> Vessel:
 
 
 def simulation(vessel: Vessel, entry: case.Entry, length_mm: float) -> Simulation:
-    """A wire in the vessel: that of an imported case, from an entry in LPS."""
+    """Wire of an imported case, from an entry in LPS."""
     point, direction = (vessel.from_lps(value) for value in (entry.point_mm, entry.direction))
     front, left = vessel.from_lps(case.ANTERIOR), vessel.from_lps(case.LEFT)
     text = f'name = "run"\n{vessel.tables}\n[entry]\npoint_mm = {point.tolist()}\ndirection = {direction.tolist()}\n'

@@ -3,10 +3,10 @@
     levels = torquer.importer.lumen.levels_of(scan, seeds_mm)
     label = torquer.importer.lumen.segment(scan, levels, seeds_mm)
 
-Bone begins above the lumen's level, the lumen above the half level between it and the tissue. Both
-cores grow in turn, voxel by voxel, into all that lies above the half level, so that the rim of bone,
-which passes through every level of the lumen, stays with the bone. Away from bone thin vessels are
-followed below the half level, because their own partial volume never reaches it.
+Bone begins above the lumen's level, the lumen above the half level between it and the tissue. Both cores grow
+alternately, voxel by voxel, into all voxels above the half level. The rim of bone passes through every level of the
+lumen; in this way it stays with the bone. Away from bone thin vessels are followed below the half level, because their
+own partial volume never reaches it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .scan import Scan
 
 # Radius about a seed in which its level is measured, and half the side of the box for its surroundings.
 _SEED_MM, _AROUND_MM = 1.5, 40.0
-# Lowest value of soft tissue, HU; lung, fat and air are no surroundings to compare with.
+# Lowest value of soft tissue, HU. Lung, fat and air do not count as surroundings.
 _LEAST_TISSUE = -50
 # Bone begins this share of the contrast above the lumen: 130 HU of 300.
 _BONE_SHARE = 0.43
@@ -106,7 +106,7 @@ def _seed_voxels(scan: Scan, seeds_mm: Points) -> List[npt.NDArray[np.intp]]:
 
 
 def levels_of(scan: Scan, seeds_mm: Points) -> Levels:
-    """Levels about the seeds. Raises Error if there is no contrast at one of them."""
+    """Levels about the seeds. Raises Error if a seed has no contrast."""
     found: List[Levels] = []
     for seed, center in zip(seeds_mm, _seed_voxels(scan, seeds_mm)):
         lumen = float(np.median(_box(scan, center, _SEED_MM)))
@@ -158,7 +158,7 @@ def _steps(scan: Scan, mm: float) -> int:
 def segment(scan: Scan, picture: npt.NDArray[np.int16], levels: Levels, seeds_mm: Points) -> npt.NDArray[np.uint8]:
     """Label map of BODY, LUMEN and BONE. `picture` is the smoothed scan.
 
-    Raises Error if a seed is not in the lumen, or if the lumen is not that of an artery.
+    Raises Error if a seed is not in the lumen, or if the lumen is not an artery.
     """
     grid = Grid(scan.values.shape)
     bone = np.flatnonzero(grid.bordered(_bone_core(scan, picture, levels), False, bool))
@@ -249,9 +249,9 @@ def wall_picture(
 ) -> Tuple[npt.NDArray[np.float32], npt.NDArray[np.intp]]:
     """Picture whose level 0.5 is the wall, in the box of the lumen, and the box's first (column, row, slice).
 
-    It is the height above the tissue, divided by that of the vessel: the largest nearby, up to the
-    lumen's level. So a thin vessel is cut at half the height that it reaches. Bone and all that is not next
-    to the label lie below the level.
+    It is the height above the tissue, divided by the height of the vessel, which is the largest one nearby, up to the
+    lumen's level. So a thin vessel is cut at half the height that it reaches. Bone and all that is not next to the
+    label lie below the level.
     """
     ndimage = need("scipy.ndimage")
     where = ndimage.find_objects((label == LUMEN).view(np.uint8))[0]

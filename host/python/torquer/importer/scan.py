@@ -38,7 +38,7 @@ class Scan:
     affine: npt.NDArray[np.float64]
     """Shape (4, 4): from (column, row, slice) to LPS, mm. Tilted slices make it oblique."""
     facts: List[str]
-    """Sentences about what was read and checked."""
+    """Sentences that describe the read data and the checks."""
     path: str
 
     @property
@@ -66,7 +66,7 @@ class Scan:
 
 
 def is_image(path: Path) -> bool:
-    """True for a folder, and for a file whose name ends as that of an image."""
+    """True for a folder, and for a file with the name of an image."""
     return os.path.isdir(path) or os.fspath(path).lower().endswith((*ENDINGS, ".dcm", ".ima"))
 
 

@@ -19,7 +19,8 @@ class Damping {
 
   /// Call it before the first attempt of an iteration.
   void Begin(double residual) {
-    // A first step far from equilibrium leaves the region in which its model holds.
+    // Far from equilibrium, a first step without damping would leave the region in which its model
+    // holds.
     const double ratio = residual > kFarResidual ? std::max(ratio_, kFarRatio) : ratio_;
     weight_ = ratio * residual;
     if (weight_ < kSmallestWeight) weight_ = 0;

@@ -34,8 +34,8 @@ struct FrontSegment {
   const Frame& frame;
   const Eigen::Vector3d& tangent;
   const JointTerms& joint;
-  const LoadTerms* load = nullptr;    ///< null without load
-  const TurnTerms* turn = nullptr;    ///< for a dependent roll; null if nothing rests curved
+  const LoadTerms* load = nullptr;  ///< null without load
+  const TurnTerms* turn = nullptr;  ///< for a dependent roll; null if all instruments rest straight
   const StackTerms* spins = nullptr;  ///< for free spins
   double bend_weight_mJ = 0;          ///< proximal weight on the step
   PerInstrument spin_weight_mJ = {};  ///< same, on each spin
@@ -248,7 +248,7 @@ void Front<kRows>::Substitute(const FrontSegment& segment,
 }
 
 // Renews the slot at cut i, without the segment's own terms. Node i takes node i + 1 along, and a
-// dependent roll continues. Nothing depends on other steps or spins yet.
+// dependent roll continues. No row depends on other steps or spins yet.
 template <int kRows>
 template <int kAt, int kSpins>
 void Front<kRows>::Renew(const FrontSegment& segment, Couplings<SlotControls(kSpins)>& w) {
@@ -395,7 +395,8 @@ bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain, PivotInve
     gain.constant[k] = scale[k] * w.c[k];
     decrease_mJ += w.c[k] * gain.constant[k] / 2;
   }
-  // Updates all of it, not its upper half: g++ 12 miscompiles the copy from one half to the other.
+  // Updates the whole matrix, not only its upper half: g++ 12 miscompiles the copy from one half to
+  // the other.
   for (int r = 0; r < kRows; ++r) {
     for (int m = 0; m < kColumns; ++m) {
       double sum = w.f[0][r] * solved[0][m];

@@ -43,8 +43,8 @@ FrontOperation& FrontSchedule::Add(Kind kind, int curve) {
   return operation;
 }
 
-// Finds the cut of each curve beyond which nothing touches it; one curve alone is in the front from
-// its tip on.
+// Finds the cut of each curve beyond which it has no contact. A lone curve is in the front from its
+// tip on.
 void FrontSchedule::FindCommon(const WireState& state, const QuadraticModel& quadratic) {
   for (int c = 0; c < state.curves(); ++c) {
     const int segments = state.curve(c).segments();

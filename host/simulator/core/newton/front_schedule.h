@@ -53,7 +53,7 @@ class FrontSchedule {
             const std::array<int, kMostInstruments>& controls);
 
   const std::vector<FrontOperation>& operations() const { return operations_; }
-  /// Number of segments of a curve in the common front; those beyond touch nothing.
+  /// Number of segments of a curve in the common front; the segments beyond have no contact.
   int common(int curve) const { return common_[static_cast<std::size_t>(curve)]; }
   /// Number of the operation that eliminates a segment; -1 for segments beyond all contacts.
   int OperationOf(int curve, int segment) const {

@@ -333,7 +333,7 @@ struct Moved {
   }
 
   // Moves the slot from cut i to cut i + 1. `slots`: the arguments of the gain; `rows`: their
-  // number. `open`: those of the gains of the open rows.
+  // number. `open`: the gains of the open rows.
   void Advance(int i, const double* slots, int rows, const OpenArguments& open) const {
     const auto k = static_cast<std::size_t>(i);
     const int spins = model.spins();

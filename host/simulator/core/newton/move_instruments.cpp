@@ -67,7 +67,7 @@ const Eigen::Vector3d& FedAlong(const WireModel& rod, const Curve& curve, int se
 
 PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mechanics,
                                 const std::vector<BetweenCurves>& between) {
-  constexpr double kFractionOfDistance = 0.5;    // by which a feed may bring two nearer
+  constexpr double kFractionOfDistance = 0.5;    // of two instruments, for one feed
   constexpr double kFractionOfPrediction = 0.1;  // same for each of two predictions
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   PassingLimits limits{kInfinite, kInfinite};

@@ -42,8 +42,8 @@ void MoveInstruments(const InstrumentPoses& next, double predicted_mm, Instrumen
 
 /// Moves the surfaces that `terms` remember at the points of `at` from `here` to `next`, before the
 /// points move. Inside another instrument, the outer instrument's surface touches the wall and
-/// follows its own hand. `turns`: surfaces follow the rotations of the hands too. Those of an
-/// instrument that twists turn with its normals instead.
+/// follows its own hand. `turns`: surfaces follow the rotations of the hands too. The surface of an
+/// instrument that twists turns with its normals instead.
 void MoveSurfaces(const InstrumentStack& stack, const InstrumentPoses& here,
                   const InstrumentPoses& next, bool turns, const QuadraticModel& at,
                   const std::vector<EnergyTerm*>& terms);

@@ -12,7 +12,7 @@
 
 namespace torquer {
 
-/// A value: a copy of it continues like the original, in the same scene.
+/// A value type: a copy continues like the original, in the same scene.
 struct NewtonMemory {
   /// Progress of the relaxation.
   enum class Phase : std::uint8_t {
@@ -50,7 +50,7 @@ struct NewtonMemory {
   bool attempting() const { return phase == Phase::kAttempting; }
   bool stalled() const { return phase == Phase::kStalled; }
 
-  /// Makes what is kept for each curve.
+  /// Makes the data of each curve.
   void Reserve(const WireMechanics& mechanics);
   /// Forgets the motion and the iterations, but keeps `current`.
   void Forget();

@@ -143,7 +143,7 @@ double NewtonMethod<Sweep>::DiscretizationErrorMm(const WireState& state) {
   if (kTwists || kFront || remembers) return kUnknown;
   if (state.Farthest().segments() == 0) return 0;
   RestoreTrueLoads(state);
-  // The set of touching points, and the sinking-in of a tip, are no smooth functions of the mesh.
+  // The set of touching points and the indentation by a tip are not smooth functions of the mesh.
   if (memory_.current.max_penetration_mm > 0) return kUnknown;
   trial_quadratic_ = memory_.current;
   defect_.ReplaceGradients(model_, state, trial_quadratic_);
@@ -157,7 +157,7 @@ bool NewtonMethod<Sweep>::Arrived(const InstrumentPoses& goal, const WireState& 
 
 template <class Sweep>
 void NewtonMethod<Sweep>::Begin(WireState& state) {
-  // Continues an interrupted part as it was begun, unless the vessel has moved since.
+  // Continues an interrupted part, unless the vessel has moved since.
   const bool still = field_.TravelMm() == memory_.travel_mm;
   const bool begins = memory_.part == Part::kClosed;
   if (begins || !still) {
@@ -267,8 +267,8 @@ bool NewtonMethod<Sweep>::AtRest(WireState& state) {
   if (memory_.attempting()) return false;  // memory_.current then holds the loads of the model
   BringUpToDate(state);
   if (state.Farthest().segments() == 0) return true;
-  // Near rest, a step with old pairs gains less than pairing the curves again. Earlier, the bulges
-  // of the pairs would be those of a shape that the curves do not keep.
+  // Near rest, a step with old pairs gains less than pairing the curves again. Before this point
+  // the curves still change, and the pairs would keep the bulges of an old shape.
   constexpr double kNearRest = 3e-5;
   if (memory_.current.residual > std::max(kNearRest, settings_.tolerance)) return false;
   if (!Paired(state)) return false;

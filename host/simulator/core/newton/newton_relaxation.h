@@ -100,7 +100,7 @@ class NewtonMethod final : public Relaxation {
   WireMechanics mechanics_;
   StepSolver<Sweep> solver_;
   NewtonMemory memory_;
-  // Work space, which keeps nothing from one call to the next.
+  // Work space, without data from one call to the next.
   QuadraticModel trial_quadratic_;
   WireState trial_;
   DiscretizationDefect defect_;

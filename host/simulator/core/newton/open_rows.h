@@ -22,12 +22,13 @@ class OpenRows {
  public:
   static constexpr int kBlockRows = 5;
 
-  /// `any`: false for curves that never cross; then nothing is reserved.
+  /// `any`: false for curves that never cross, which need no memory.
   explicit OpenRows(bool any);
 
   /// Begins a block, with rows that act on nothing.
   void Open(int block, std::uint64_t open);
-  /// Adds a contact. `side` of it is the slot at row `at`, of curve `curve`; `block` is the other.
+  /// Adds a contact. `side` of the contact is the slot at row `at`, of curve `curve`; `block` is
+  /// the other side.
   template <int kRows>
   void Wait(const BetweenCurves::Terms& terms, int side, int block, int curve, int at,
             Front<kRows>& front);

@@ -135,7 +135,7 @@ bool StepSolver<Sweep>::AnyWrong(const WireState& state, const QuadraticModel& a
   return any;
 }
 
-// Makes the sets those of x. Returns the most distal change, as Refactor takes it, or -1.
+// Sets the active sets to those of x. Returns the most distal change, as Refactor takes it, or -1.
 template <class Sweep>
 int StepSolver<Sweep>::UpdateSets(const QuadraticModel& at, std::vector<ActiveSet>& wall_sets) {
   if constexpr (!kFront) {
@@ -169,8 +169,8 @@ double StepSolver<Sweep>::Sum(const std::vector<ActiveSet>& wall_sets, Value val
   return sum;
 }
 
-// Fraction of the way from x to s at which the one-sided model is least. The model of the sets
-// drops by `drop_mJ` on that way, as a parabola with its minimum at s.
+// Fraction of the way from x to s at which the one-sided model has its minimum. The model of the
+// sets drops by `drop_mJ` on that way, as a parabola with its minimum at s.
 template <class Sweep>
 double StepSolver<Sweep>::LineMinimum(const std::vector<ActiveSet>& wall_sets,
                                       double drop_mJ) const {
@@ -242,7 +242,7 @@ typename StepSolver<Sweep>::Solution StepSolver<Sweep>::Solve(const WireState& s
   }
 }
 
-// Makes x the step, unless it gains nothing.
+// Uses the best point as the step, if it reduces the energy.
 template <class Sweep>
 typename StepSolver<Sweep>::Solution StepSolver<Sweep>::TakeBest(double best_mJ, int rounds,
                                                                  bool definite) {

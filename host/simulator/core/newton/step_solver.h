@@ -48,8 +48,8 @@ class StepSolver {
   double PassingScale(const WireState& state, const QuadraticModel& at) const;
   /// Largest turn of a segment or spin by the step, rad.
   double LargestTurn() const;
-  /// Largest displacement of a node by the step, mm. `shift_mm`: if given, is added to those of the
-  /// innermost curve.
+  /// Largest displacement of a node by the step, mm. `shift_mm`: optional, added to the
+  /// displacements of the innermost curve.
   double LongestMoveMm(const WireState& state, const QuadraticModel& at,
                        const std::vector<Eigen::Vector3d>* shift_mm = nullptr) const;
 

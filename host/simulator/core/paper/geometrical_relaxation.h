@@ -66,7 +66,7 @@ struct GeometricalInterval {
 };
 
 /// Selects the interval, 3.2.5. `near_wall` has one entry per node, nonzero if the node is near the
-/// wall. Only nodes 1 .. last can be ends. Returns nothing if the wire has no such interval.
+/// wall. Only nodes 1 .. last can be ends. Returns nullopt if the wire has no such interval.
 std::optional<GeometricalInterval> SelectInterval(const WireModel& model, const WireState& state,
                                                   const std::vector<char>& near_wall, int last,
                                                   const GeometricalSettings& settings);

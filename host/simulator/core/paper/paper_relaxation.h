@@ -14,7 +14,7 @@ namespace torquer {
 
 /// Relaxation cycles while there is no action.
 enum class PaperCycles {
-  kNone,         ///< nothing: Tip Relaxations only, as in the paper's fast insertion
+  kNone,         ///< none: Tip Relaxations only, as in the paper's fast insertion
   kPhysical,     ///< PR cycles alone
   kGeometrical,  ///< PR and GR cycles in turn: the paper's workflow
 };

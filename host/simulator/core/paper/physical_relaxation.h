@@ -30,7 +30,7 @@ struct PhysicalSettings {
   double max_update = 0.1;  ///< du_max of (18); infinity: unbounded, as in the paper's predecessor
   int margin = 5;  ///< segments past the tip that a Tip Relaxation updates fully, and the stride of
                    ///< its single updates; use more for a very stiff wire
-  /// Fraction of a cycle's n iterations that is carried out, the first ones: in (0, 1]. A value
+  /// Fraction of a cycle's n iterations that are done, from the first one on, in (0, 1]. A value
   /// below 1 makes incomplete cycles, which leave the proximal end unchanged.
   double cycle_fraction = 1;
   /// Skip look-ups of nodes that provably cannot touch. Updates stay bit-identical.

@@ -22,8 +22,8 @@ struct PredecessorSettings {
 
 /// Predecessor's method for a lone wire. One unit of work is a cycle, or a step of the feed or of
 /// the rotation with its cycle. A tick without feed or rotation does one cycle. The method may
-/// diverge. The state then stays finite with exact lengths, but its residual shows that it is no
-/// equilibrium.
+/// diverge. The state then stays finite with exact lengths, but its residual shows that it is not
+/// in equilibrium.
 class PredecessorRelaxation final : public Relaxation {
  public:
   /// `model.law()` must be kG2 and `wall.points_per_segment` 1. Keeps references to the three.

@@ -94,7 +94,7 @@ void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
   }
 }
 
-// Three curves that face each other may contradict each other in the order of their segments, by
+// For three curves that face each other, the orders of the pairs may be contradictory, because of
 // the small angles between the planes of their nodes. Then the places beside each other take the
 // segments before, whose lines run on beyond their ends.
 void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& state) {

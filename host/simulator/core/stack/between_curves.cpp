@@ -27,8 +27,8 @@ using Geometry = BetweenCurves::Geometry;
 constexpr Eigen::Index kInner = 0;
 constexpr Eigen::Index kOuter = 5;
 
-// Place on the inner curve with its foot on the line of the outer segment, both as chords: the
-// bulges change nothing in the way that surfaces slide.
+// Place on the inner curve with its foot on the line of the outer segment, both as chords. The
+// bulges do not affect the sliding of surfaces.
 struct Beside {
   Beside(const LumenPlace& of, const Geometry& inner_curve, const Geometry& outer_curve)
       : place(of),

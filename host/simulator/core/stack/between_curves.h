@@ -16,7 +16,7 @@ namespace torquer {
 /// Springs between two curves at one state, and their terms in each segment. No heap after Reserve.
 struct BetweenCurves {
   /// Unknowns that move a place and its foot: the displacement of the distal node of its segment
-  /// (3) and the segment's own step (2). Those of the inner curve come first.
+  /// (3) and the segment's own step (2). The unknowns of the inner curve come first.
   using Vector = Eigen::Matrix<double, 10, 1>;
   using Matrix = Eigen::Matrix<double, 10, 10>;
 
@@ -78,7 +78,7 @@ struct BetweenCurves {
   std::vector<Slide> slides;          ///< ordered from the sheath
   std::vector<Neighbor> neighbors;    ///< ordered from the sheath; empty for curves within
   std::vector<Terms> terms;           ///< one for each of `groups`
-  std::vector<SpinTerms> spin_terms;  ///< same; empty if nothing slides or twists
+  std::vector<SpinTerms> spin_terms;  ///< same; empty without sliding and twisting
   double energy_mJ = 0;
   double pressed_N = 0;          ///< sum of the contact forces between inner curve and lumen
   double end_pressed_N = 0;      ///< part of pressed_N at the last place: a mouth, or a tip

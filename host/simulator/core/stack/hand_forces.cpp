@@ -126,7 +126,7 @@ void HandForces::FindMoments(const JointIntegrals& integrals, const OnCurve& on,
   FindPairMoments(integrals, on, joint);
 }
 
-// Adds the moments and torques with which instruments of different rest bend each other.
+// Adds the moments and torques with which instruments of different rest shape bend each other.
 void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve& on, int joint) {
   const WireModel& rod = on.rod;
   const Curve& curve = on.curve;
@@ -180,9 +180,10 @@ void HandForces::Balance(const OnCurve& on, int node, const Sliding& sliding) {
   }
 }
 
-// Friction between instruments. Each is pressed against the next one around it by its own tension
-// and by those of all within it. The contribution of their bending moments is left out. At a step
-// of a rest shape or a rigidity it is a couple, with forces that grow as the clearance shrinks.
+// Friction between instruments. Each instrument presses against the next one around it, by its
+// tension and by the tensions of all instruments within it. The contribution of their bending
+// moments is left out. At a step of a rest shape or a rigidity it is a couple, with forces that
+// grow as the clearance shrinks.
 void HandForces::FindFriction(const OnCurve& on, int node, const Sliding& sliding) {
   const Curve& curve = on.curve;
   const auto i = static_cast<std::size_t>(node);

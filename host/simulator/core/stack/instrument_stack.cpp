@@ -251,8 +251,8 @@ int InstrumentStack::LumenAt(int curve, const InstrumentPoses& poses, double arc
   return found;
 }
 
-// Collects the instruments of a curve in a rod that ends at `end_mm`, in order of decreasing reach;
-// of equals, the innermost comes first. Returns their number.
+// Collects the instruments of a curve in a rod that ends at `end_mm`, in order of decreasing reach.
+// With equal reach, the innermost comes first. Returns their number.
 int InstrumentStack::Gather(const InstrumentPoses& poses, Range range, double end_mm,
                             Members& members) const {
   const auto [first, last] = range;

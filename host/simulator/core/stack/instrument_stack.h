@@ -54,9 +54,9 @@ class InstrumentStack {
  public:
   /// A lone wire, which must outlive this.
   explicit InstrumentStack(const WireModel& wire);
-  /// 1 .. kMostInstruments instruments, the innermost first, all with the same segments and law;
-  /// all but one that lies beside others have the same sheath. Either all of them twist or none
-  /// does. Throws std::invalid_argument otherwise.
+  /// 1 .. kMostInstruments instruments, the innermost first, all with the same segments and law.
+  /// All have the same sheath, except an instrument that lies beside others. Either all of them
+  /// twist or none does. Throws std::invalid_argument otherwise.
   explicit InstrumentStack(std::vector<WireModel> instruments)
       : InstrumentStack(std::move(instruments), Clearance()) {}
   /// The same with room between some of them, or with one beside others. Throws
@@ -94,8 +94,8 @@ class InstrumentStack {
   double Reach(int curve, const InstrumentPoses& poses) const {
     return poses[Leader(curve, poses)].insertion_mm;
   }
-  /// Instrument of a curve whose lumen, or whose surface, is met at an arc length: the innermost,
-  /// or the outermost, that reaches it. If none does, the one that reaches farthest.
+  /// Instrument of a curve that has its lumen, or its surface, at an arc length: the innermost, or
+  /// the outermost, that reaches it. If none does, the one that reaches farthest.
   int LumenAt(int curve, const InstrumentPoses& poses, double arc_mm) const;
   int SurfaceAt(int curve, const InstrumentPoses& poses, double arc_mm) const;
 
@@ -110,7 +110,7 @@ class InstrumentStack {
   /// Sets the rods to the combined instruments at `poses`. O(segments), no heap; does nothing for
   /// a lone wire.
   void Combine(const InstrumentPoses& poses);
-  /// Energy with which the instruments of a curve bend each other at the poses of the last Combine,
+  /// Energy of the instruments of a curve that bend each other, at the poses of the last Combine,
   /// mJ. It acts on no shape, so the rod does not have it. 0 if they twist: then their spins have
   /// it.
   double MutualEnergyMJ(int number, const Curve& curve) const;

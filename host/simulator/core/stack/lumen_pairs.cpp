@@ -69,7 +69,7 @@ LumenPairs& CurvePairs::AddPairs(int inner, int outer) {
 
 namespace {
 
-// Way along a line, past `from_mm`, at which it crosses the plane through `at` across `normal`.
+// Distance along a line, past `from_mm`, to the plane through `at` across `normal`.
 double CrossingMm(const Vector3d& begin, const Vector3d& direction, double from_mm,
                   const Vector3d& at, const Vector3d& normal) {
   constexpr double kLeastSlope = 1e-6;

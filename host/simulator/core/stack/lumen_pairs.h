@@ -30,8 +30,8 @@
 
 namespace torquer {
 
-/// Place on a segment of the inner curve, and what it faces. At the mouth, a point at the end of
-/// the outer curve faces the inner curve instead.
+/// Place on a segment of the inner curve, and the segment that it faces. At the mouth, a point at
+/// the end of the outer curve faces the inner curve instead.
 struct LumenPlace {
   bool is_mouth = false;
   int segment = 0;        ///< of the inner curve
@@ -50,8 +50,8 @@ struct LumenPlace {
   /// LumenContact::ahead_mm, less the way of the foot past the proximal node of the outer segment.
   double ahead_mm = 0;
   /// Segments are chords of smooth curves. Offsets of both curves from their chords at the place
-  /// and at its foot, in the normals of each segment, mm; and the tangent of the faced curve there,
-  /// less that of its chord.
+  /// and at its foot, in the normals of each segment, mm. Then the tangent of the faced curve
+  /// there, minus the tangent of its chord.
   Eigen::Vector2d bulge_mm = Eigen::Vector2d::Zero();
   Eigen::Vector2d foot_bulge_mm = Eigen::Vector2d::Zero();
   Eigen::Vector2d foot_slope = Eigen::Vector2d::Zero();

@@ -14,7 +14,7 @@ constexpr double kShortestMm = 1e-9;  // shorter pieces have no place
 
 // Curvature of the smooth curve through the nodes, at a segment, in its normals, 1/mm.
 Eigen::Vector2d CurvatureAt(const WireModel& rod, const Curve& curve, int segment) {
-  constexpr double kMostBendRad = 0.5;  // of a segment: a chord of a sharper bend is no chord
+  constexpr double kMostBendRad = 0.5;  // of a segment; a chord cannot represent a sharper bend
   const auto i = static_cast<std::size_t>(segment);
   const Vector3d& tangent = curve.tangents()[i];
   const Vector3d& before = i == 0 ? rod.sheath().direction : curve.tangents()[i - 1];

@@ -27,7 +27,7 @@ struct BesidePlace {
   double weight_mm = 0;    ///< length of the inner curve that is covered
 };
 
-/// Both curves of a pair, and the pairs to which places are added.
+/// Both curves of a pair, and their pairs, which grow.
 struct PairBuilder {
   const InstrumentStack& stack;
   const InstrumentPoses& poses;
@@ -55,8 +55,8 @@ struct PairBuilder {
   Eigen::Vector3d MiddleOf(int segment, int k) const;
   /// Finds the place of contact of that piece with the line of an outer segment.
   BesidePlace FindBeside(int segment, int k, int outer_segment) const;
-  /// Adds a place of curves beside each other: on piece `piece` of the inner curve, counted from
-  /// the sheath, of which it stands for `weight_mm`.
+  /// Adds a place of curves beside each other, on piece `piece` of the inner curve, counted from
+  /// the sheath. The place represents `weight_mm` of this piece.
   void AddBeside(int segment, double past_mm, int outer_segment, double weight_mm, int piece);
   /// The same place on the lines of the segments `on`, which may end before it.
   LumenPlace Moved(const LumenPlace& place, const SegmentPair& on);
