@@ -11,7 +11,7 @@ install(DIRECTORY host/devices/ DESTINATION ${data}/devices COMPONENT common
 install(DIRECTORY calibration/ DESTINATION ${data}/calibration COMPONENT programs
   FILES_MATCHING PATTERN "*.toml" PATTERN "*.script")
 install(FILES hardware/udev/70-torquer.rules DESTINATION lib/udev/rules.d COMPONENT programs)
-# The unit in the tree names /usr/local/bin, for who copies it by hand.
+# The unit in the tree names /usr/local/bin, for users who copy it by hand.
 install(CODE "
   file(READ \"${PROJECT_SOURCE_DIR}/hardware/systemd/torquer-daemon@.service\" unit)
   string(REPLACE /usr/local/bin \"\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_BINDIR}\" unit \"\${unit}\")
@@ -21,7 +21,7 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/torquer-daemon@.service DESTINATION li
   COMPONENT programs)
 
 
-# The texts with the pictures that they show, under the paths by which they link to each other.
+# Documents with their pictures. They keep their relative paths, so that their links work.
 set(documents .github/*.md tests/*.md tests/hil/*.md tests/hil/*/*.md)
 foreach(ending md svg png jpg webm csv scad)
   list(APPEND documents *.${ending} calibration/*.${ending} firmware/*.${ending}
@@ -41,8 +41,8 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/torquer COMPONENT
 install(DIRECTORY host/scenes/meshes DESTINATION ${data}/scenes COMPONENT licenses
   FILES_MATCHING PATTERN LICENSE PATTERN centerlines EXCLUDE)
 
-# The build tree is laid out as an installation, so that programs find what belongs to them in one
-# way (host/support/installed.h).
+# The build tree has the layout of an installation, so that programs find their files in one way
+# (host/support/installed.h).
 function(torquer_lay_out target below_build)
   set(link ${PROJECT_BINARY_DIR}/${below_build})
   get_filename_component(folder ${link} DIRECTORY)

@@ -1,15 +1,15 @@
-# How targets are defined here, so that every one carries the same rules.
+# Functions that define targets, so that all targets have the same rules.
 
-# Everything in bin/ that a person runs: tests hold all of it to the same command line.
+# All programs in bin/ for users. Tests check that their command lines follow the same rules.
 add_custom_target(torquer_programs)
 
-# Everything that "cmake --install" needs, without the tests.
+# All targets that "cmake --install" needs, without the tests.
 add_custom_target(torquer_installed)
 
-# Headers that most sources include take a quarter of the time that a source takes to compile, so
-# they are compiled once: one set for the programs, one with Catch2 for the tests. A source includes
-# what it uses all the same; clang-tidy, which reads it without these headers, sees to that. With a
-# compiler launcher they are left out: ccache serves a source only when it sees all of its text.
+# Precompiled headers save a quarter of the compile time of most sources. There is one set for the programs, and one
+# with Catch2 for the tests. A source must still include the headers that it uses; clang-tidy reads it without
+# precompiled headers, and checks this. With a compiler launcher there are none, because ccache needs the complete text
+# of a source.
 set(TORQUER_PRECOMPILE ON)
 if(CMAKE_CXX_COMPILER_LAUNCHER)
   set(TORQUER_PRECOMPILE OFF)
@@ -18,8 +18,8 @@ set(torquer_common_headers
   <Eigen/Core> <Eigen/Geometry> <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <fstream>
   <functional> <map> <memory> <numbers> <optional> <random> <span> <sstream> <string> <thread> <vector>)
 
-# Sources of a target are compiled in batches, which share what all of them include: a sixth of the
-# release build is saved. Names must therefore differ within a target, those in unnamed namespaces too.
+# Sources of a target are compiled in batches, which share their headers. This saves a sixth of the release build. Names
+# must therefore differ within a target, those in unnamed namespaces too.
 set(CMAKE_UNITY_BUILD ON)
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
 
@@ -35,8 +35,8 @@ function(torquer_precompiled name)
 endfunction()
 
 if(TORQUER_PRECOMPILE)
-  # Some libraries ask for -pthread; precompiled headers serve only sources that agree. With them GCC
-  # 12 takes what is inlined from system headers for ours, where it raises these warnings falsely.
+  # Some libraries require -pthread, and a source must have the options of its precompiled headers. With precompiled
+  # headers GCC 12 raises these warnings falsely, for code that is inlined from system headers.
   target_compile_options(torquer_build_rules INTERFACE -pthread
     $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds;-Wno-stringop-overflow;-Wno-stringop-overread>)
   torquer_precompiled(torquer_precompiled_headers HEADERS ${torquer_common_headers})
@@ -53,7 +53,7 @@ function(torquer_library name)
 endfunction()
 
 # torquer_manual_page(NAME COMPONENT c COMMAND word.. [DEPENDS target..]): installs its manual page,
-# made of what COMMAND prints for --help.
+# made of the --help text of COMMAND.
 function(torquer_manual_page name)
   cmake_parse_arguments(ARG "" "COMPONENT" "COMMAND;DEPENDS" ${ARGN})
   set(page ${PROJECT_BINARY_DIR}/share/man/man1/${name}.1.gz)
@@ -106,7 +106,7 @@ function(torquer_program name)
 endfunction()
 
 # torquer_benchmark(NAME SOURCES main.cpp.. LINK x.. [DEPENDS target..]): a program in bin/ that
-# measures. Builds with sanitizers, where figures mean nothing, leave it out.
+# measures. Builds with sanitizers omit it, because their times have no meaning.
 function(torquer_benchmark name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK;DEPENDS" ${ARGN})
   if(TORQUER_SANITIZE)
@@ -131,19 +131,19 @@ function(torquer_helper name)
   endif()
 endfunction()
 
-# Tests call optimized code, and need not be it: a quarter less to compile.
+# Tests call optimized code, but need no optimization themselves. This saves a quarter of their compile time.
 add_library(torquer_test_options INTERFACE)
 target_compile_options(torquer_test_options INTERFACE $<$<CONFIG:Release>:-O1>)
 if(TORQUER_SANITIZE MATCHES "undefined")
-  # A quarter less to compile in what tests consist of; the code under test has these checks. Null and
-  # stray pointers end a test by AddressSanitizer.
+  # Test sources omit these checks, which saves a quarter of their compile time. The code under test has them.
+  # AddressSanitizer ends a test for null and stray pointers.
   target_compile_options(torquer_test_options INTERFACE
     -fno-sanitize=null,alignment,pointer-overflow)
 endif()
 
 # Notes the processor time of a test's command.
 set(TORQUER_MEASURED ${PROJECT_SOURCE_DIR}/tests/measured)
-# The tests that a sanitizer build adds something to; of the others only --soak has all.
+# Test programs to which sanitizers add a check. The others run under sanitizers only with --soak.
 add_custom_target(torquer_sanitizer_tests)
 
 # torquer_test_name(OUT NAME): NAME, and the sanitizers, since one run of CTest can hold several builds.
@@ -155,8 +155,8 @@ function(torquer_test_name out name)
   set(${out} ${name} PARENT_SCOPE)
 endfunction()
 
-# torquer_timeout(OUT SECONDS): when CTest ends a test, by default after 5 minutes: late enough for a
-# machine with other work, and for sanitizers.
+# torquer_timeout(OUT SECONDS): time after which CTest ends a test; default: 5 minutes, and three times as long under
+# sanitizers. It leaves room for a loaded machine.
 function(torquer_timeout out seconds)
   if(NOT seconds)
     set(seconds 300)
@@ -167,9 +167,9 @@ function(torquer_timeout out seconds)
   set(${out} ${seconds} PARENT_SCOPE)
 endfunction()
 
-# torquer_check(NAME LABEL l COMMAND word.. [TIMEOUT s] [COST s] [PROPERTIES name value..]): a test of
-# CTest that is no Catch2 program. PROPERTIES are CTest's. COST: about how long it takes; the longest
-# tests begin first, so that none of them is left over at the end.
+# torquer_check(NAME LABEL l COMMAND word.. [TIMEOUT s] [COST s] [PROPERTIES name value..]): a test of CTest that is not
+# a Catch2 program. PROPERTIES: those of CTest. COST: its approximate time. The longest tests begin first, so that no
+# long test runs alone at the end.
 function(torquer_check name)
   cmake_parse_arguments(PARSE_ARGV 1 ARG "" "LABEL;TIMEOUT;COST" "COMMAND;PROPERTIES")
   torquer_timeout(timeout "${ARG_TIMEOUT}")
@@ -185,9 +185,9 @@ endfunction()
 # torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [PRELOAD library]
 # [THREADED | THREADED_CASES spec] [REAL_TIME] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become
 # CTest tests with that label. COST: of each case, as above. PRELOAD: runs under that library.
-# THREADED: its code has threads, so the tsan build has it too, or of it the cases that Catch2's `spec`
-# names; that build leaves out the others. REAL_TIME: it counts what a chain of programs loses, so
-# nothing runs beside it. SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
+# THREADED: its code has threads, so the tsan build runs it. THREADED_CASES: the tsan build runs only the cases of
+# Catch2's `spec`. REAL_TIME: it counts losses of a chain of programs, so no other test runs beside it.
+# SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
 function(torquer_test name)
   cmake_parse_arguments(ARG "THREADED;REAL_TIME;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;THREADED_CASES" "SOURCES;LINK" ${ARGN})
   torquer_timeout(timeout "${ARG_TIMEOUT}")

@@ -11,7 +11,7 @@ constexpr double kBlockUs = 250000.0;
 constexpr std::size_t kBlocks = 120;
 // A line through fewer blocks follows the jitter rather than the drift.
 constexpr std::size_t kBlocksForDrift = 4;
-// Twice the error of a ceramic resonator; more means a clock that does not run evenly.
+// Twice the error of a ceramic resonator. A larger drift means that the clock does not run evenly.
 constexpr double kLargestDrift = 0.01;
 // A report this early, or a whole block this late, means that the clocks have jumped.
 constexpr double kJumpUs = 20000.0;
@@ -87,8 +87,8 @@ void ClockMap::FinishBlock() {
   Refit();
 }
 
-// The edge of the lower convex hull under the mean device time: of all lines below the points, the
-// one with the least sum of distances to them.
+// Edge of the lower convex hull below the mean device time. Of all lines below the points, it has
+// the least sum of distances to them.
 void ClockMap::Refit() {
   if (minima_.size() < kBlocksForDrift) {
     offset_ = minima_.front().excess;

@@ -1,4 +1,5 @@
-// From the device's clock to the host's: the host time at which a report was sampled.
+// Clock map: converts device time to host time, and so gives the host time at which a report was
+// sampled.
 //
 // A report arrives at   host = offset + rate * device + delay,   delay >= 0 and mostly small: USB
 // frames, scheduling. The map is the line below all points of the last half minute that is closest
@@ -15,12 +16,12 @@ namespace torquer::device {
 
 class ClockMap {
  public:
-  /// Forgets everything, since another device clock follows.
+  /// Starts again, for another device clock.
   void Reset();
 
-  /// For a report of device time `device_us` that arrived at `host_us`: the host time at which it
-  /// was sampled, never later than `host_us`, never earlier than that of the report before. Device
-  /// times must not decrease between resets.
+  /// Host time at which a report was sampled. `device_us`: its device time; `host_us`: its arrival.
+  /// The result is not later than `host_us`, and not earlier than that of the previous report.
+  /// Device times must not decrease between resets.
   std::int64_t Map(std::int64_t device_us, std::int64_t host_us);
 
   /// Host seconds per device second, less 1; 0 in the first second.
@@ -31,7 +32,7 @@ class ClockMap {
   std::int64_t restarts() const { return restarts_; }
 
  private:
-  // Device time since the anchor and how much longer the host took, both us.
+  // Device time since the anchor, and the excess of the host time over it, both us.
   struct Point {
     double device = 0.0;
     double excess = 0.0;

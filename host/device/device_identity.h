@@ -1,4 +1,4 @@
-// Identity of a bench device, which is asked for before its reports are used.
+// Identity of a bench device, which is read before its reports are used.
 #pragma once
 
 #include <optional>
@@ -16,8 +16,8 @@ struct DeviceIdentity {
   std::optional<int> sensor_product_id;  ///< none if no sensor has answered yet
 };
 
-/// Identity of the device at hand. Throws UserError for firmware of another protocol version, and
-/// FeatureError or DeviceGone where the device does not answer.
+/// Identity of the connected device. Throws UserError for firmware of another protocol version, and
+/// FeatureError or DeviceGone if the device does not answer.
 DeviceIdentity ReadIdentity(ReportSource& source);
 
 }  // namespace torquer::device

@@ -29,7 +29,7 @@ bool IsMouse(const libevdev* device) {
 }
 
 bool IsJoystick(const libevdev* device) {
-  // Touchpads and tablets have the axes as well, and in addition these keys.
+  // Touchpads and tablets have these axes too, but also these keys.
   return libevdev_has_event_code(device, EV_ABS, ABS_X) != 0 &&
          libevdev_has_event_code(device, EV_ABS, ABS_Y) != 0 &&
          libevdev_has_event_code(device, EV_KEY, BTN_TOUCH) == 0 &&
@@ -165,7 +165,7 @@ std::string EvdevSource::place() const {
   return place;
 }
 
-// True when all are open; missing ones are tried again later.
+// True if all are open. Missing devices are tried again later.
 bool EvdevSource::Open() {
   for (const std::string& path : paths_) {
     const int fd = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
@@ -251,7 +251,7 @@ void EvdevSource::Wait(int timeout_ms, const Sink& sink) {
 
   std::uint64_t ticks = 0;
   [[maybe_unused]] const ssize_t taken = read(timer_, &ticks, sizeof ticks);
-  // The joystick first, so that the mouse's reports have its newest state.
+  // Reads the joystick first, so that the reports have its newest state.
   std::deque<protocol::InputReport> reports;
   for (auto input = inputs_.rbegin(); input != inputs_.rend(); ++input) ReadAll(**input, reports);
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
@@ -286,8 +286,9 @@ void EvdevSource::ReadAll(Input& input, std::deque<protocol::InputReport>& repor
     input_event event{};
     const int result = libevdev_next_event(input.device, mode, &event);
     if (result == LIBEVDEV_READ_STATUS_SYNC && mode == LIBEVDEV_READ_FLAG_NORMAL) {
-      // The kernel has dropped events. The state of buttons and axes follows; the motion of the
-      // mouse is lost, which is reported: a report is missing, and the next one is in doubt.
+      // The kernel has dropped events. The state of buttons and axes follows. The motion of the
+      // mouse is lost. To report this, the source omits a report and marks the next one as
+      // doubtful.
       mode = LIBEVDEV_READ_FLAG_SYNC;
       if (input.is_mouse) {
         ++report_.sequence;

@@ -1,10 +1,10 @@
-// Reports made from an ordinary mouse, and from a joystick where there is one: a bench without
-// soldering. The mouse looks at the cylinder, its x axis along the wire (positive distally) and its
-// y axis around it. Its left, right and middle button, or the first three of the joystick, are
-// X-ray, contrast and clutch.
+// Reports made from an ordinary mouse and an optional joystick: a bench without soldering. The
+// mouse senses the cylinder, with its x axis along the wire (positive distally) and its y axis
+// around it. Its left, right and middle button, or the first three of the joystick, are X-ray,
+// contrast and clutch.
 //
-// Both are grabbed, so that they move no pointer, and read as raw deltas, to which the desktop's
-// acceleration is not applied. Every event of the mouse makes a report; without events there is one
+// Both are grabbed, so that they do not move the pointer. Their raw deltas are read, without the
+// acceleration of the desktop. Every event of the mouse makes a report; without events there is one
 // every millisecond. The kernel's time stamps are the device clock.
 #pragma once
 
@@ -23,7 +23,7 @@
 
 namespace torquer::device {
 
-/// Resolution that is assumed of a mouse, counts per inch; most have about this.
+/// Assumed resolution of a mouse, counts per inch, as most have.
 inline constexpr int kNominalMouseCpi = 1000;
 
 /// A mouse or joystick of this machine.
@@ -39,15 +39,15 @@ std::vector<InputListing> InputsHere();
 
 class EvdevSource : public ReportSource {
  public:
-  /// `paths`: the device file of the mouse and, if there is one, that of the joystick, in any
-  /// order. They may appear later. Throws UserError that names the mice found when none or more
-  /// than two are given.
+  /// `paths`: device files of the mouse and of an optional joystick, in any order. They may appear
+  /// later. Without a path, or with more than two, throws UserError that names the mice of this
+  /// machine.
   explicit EvdevSource(std::vector<std::string> paths);
   ~EvdevSource() override;
   EvdevSource(const EvdevSource&) = delete;
   EvdevSource& operator=(const EvdevSource&) = delete;
 
-  /// Before a first connection it also throws UserError when a file may not be read, is neither
+  /// Before the first connection it throws UserError for a file that may not be read, is neither
   /// mouse nor joystick, is given twice, or is grabbed by another program.
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override;

@@ -8,14 +8,14 @@
 
 namespace torquer::device {
 
-/// The device has refused a report, by a STALL.
+/// Thrown if the device has refused a report by a STALL.
 class ReportRefused : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Both functions throw ReportRefused, or what the implementation throws when the device has gone.
-/// A request may take a second.
+/// Both functions throw ReportRefused. After an unplug they throw an exception of the
+/// implementation. A request may take a second.
 class FeatureReports {
  public:
   FeatureReports() = default;

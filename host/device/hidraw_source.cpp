@@ -22,7 +22,7 @@
 namespace torquer::device {
 namespace {
 
-// hidapi cannot be woken: it waits no longer than this without looking for an Interrupt().
+// Longest wait before a check for Interrupt(), because a wait of hidapi cannot be ended.
 constexpr int kSliceMs = 10;
 constexpr std::int64_t kLookUs = 100000;
 constexpr int kBurst = 64;
@@ -61,14 +61,14 @@ std::string HidrawSource::place() const {
   return place;
 }
 
-// The device to be read, if it is here.
+// The selected device, if it is connected.
 std::optional<HidrawSource::Found> HidrawSource::Look() {
   std::vector<Found> found;
   bootloader_seen_ = false;
   hid_device_info* const list = hid_enumerate(protocol::kUsbVendorId, 0);
   for (const hid_device_info* one = list; one != nullptr; one = one->next) {
     if (one->product_id == protocol::kUsbBootloaderProductId) bootloader_seen_ = true;
-    // Other people's prototypes use the same ids.
+    // Prototypes of other makers use the same ids.
     if (one->product_id != protocol::kUsbProductId ||
         Plain(one->product_string) != protocol::kUsbProduct) {
       continue;
@@ -105,7 +105,7 @@ bool HidrawSource::Open() {
   }
   forbidden_us_ = 0;
   device_ = hid_open_path(found->path.c_str());
-  if (device_ == nullptr) return false;  // just gone, perhaps; it is looked for again
+  if (device_ == nullptr) return false;  // perhaps just unplugged; the search continues
   path_ = found->path;
   serial_ = found->serial;
   gone_.clear();
@@ -146,8 +146,8 @@ void HidrawSource::LetGo(const std::string& reason) {
 }
 
 // Reads all reports that have arrived, so that a backlog needs no further polling. The number is
-// limited, because a device that sends without pause must not block the caller. False if there was
-// no report.
+// limited, because a device that sends without pause must not block the caller. False without a
+// report.
 bool HidrawSource::Read(int timeout_ms, const Sink& sink) {
   std::array<std::uint8_t, 2 * sizeof(protocol::InputReport)> bytes{};
   for (int i = 0; i < kBurst && gone_.empty(); ++i) {

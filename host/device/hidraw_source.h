@@ -1,6 +1,6 @@
-// Reports of the bench device by the kernel's own HID driver (hidraw), through hidapi: where libusb
-// cannot have the device, because another program or the system wants the kernel's driver to keep
-// it. The same reports and features as by usb_source.h; the kernel polls, and keeps the newest 64.
+// Reports of the bench device by the kernel's HID driver (hidraw), through hidapi. Use it if libusb
+// cannot take the device, because another program or the system needs the kernel's driver. Reports
+// and features are the same as in usb_source.h. The kernel polls, and keeps the newest 64 reports.
 #pragma once
 
 #include <hidapi.h>
@@ -18,16 +18,16 @@ namespace torquer::device {
 
 class HidrawSource : public ReportSource {
  public:
-  /// Reads the device with this serial number; "" for the only one there is. Once connected, only
-  /// the device with that serial number is read. One a process. Throws UserError when hidapi cannot
-  /// be used.
+  /// Reads the device with this serial number; "" for the only one there is. After a connection,
+  /// only the device with that serial number is read. A process has at most one such object. Throws
+  /// UserError if hidapi cannot be used.
   explicit HidrawSource(std::string serial);
   ~HidrawSource() override;
   HidrawSource(const HidrawSource&) = delete;
   HidrawSource& operator=(const HidrawSource&) = delete;
 
-  /// Before a first connection it also throws UserError when there are several devices and none was
-  /// chosen, or when the device may not be opened.
+  /// Before the first connection it throws UserError for several devices without a choice, or for a
+  /// device that may not be opened.
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override;
   void Interrupt() override { interrupted_ = true; }
@@ -53,7 +53,7 @@ class HidrawSource : public ReportSource {
   std::string gone_;  // why, once the device is
   Reopening reopening_;
   std::int64_t looked_us_ = 0;     // when one was looked for last
-  std::int64_t forbidden_us_ = 0;  // since when one is there that may not be opened; 0: none
+  std::int64_t forbidden_us_ = 0;  // first time at which a device could not be opened; 0: none
   bool bootloader_seen_ = false;
 };
 

@@ -1,5 +1,4 @@
-// Rule by which every source opens a device: a refusal ends a program that starts, never one that
-// runs.
+// Common rule of all sources: a device that may not be opened ends a program only at its start.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +11,9 @@ namespace torquer::device {
 
 class Reopening {
  public:
-  /// Calls `open`, which returns true if a device is open now. Throws its UserError until a device
-  /// has been open. After that the error becomes a kTrouble event, and the next attempt comes a
-  /// second later.
+  /// Calls `open`, which returns true if a device is open now. Throws the UserError of `open` until
+  /// a device has been open. After that the error becomes a kTrouble event, and the next attempt
+  /// comes a second later.
   template <class Open>
   bool Try(const Open& open, const ReportSource::Sink& sink) {
     if (bus::MonotonicUs() < next_us_) return false;

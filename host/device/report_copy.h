@@ -1,4 +1,4 @@
-// A feature report as the struct that it is.
+// Feature report as its struct.
 #pragma once
 
 #include <cstring>

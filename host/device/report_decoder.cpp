@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::int64_t kNominalIntervalUs = 1000;
 constexpr int kSeenBits = 64;
-// The device's two banks, and what the host's controller holds.
+// Reports in the device's two banks, and in the host's controller.
 constexpr int kSettlingReports = 4;
 constexpr double kMmPerInch = 25.4;
 
@@ -29,7 +29,7 @@ std::int64_t SignedStep(std::int32_t to, std::int32_t from) {
                                    static_cast<std::uint32_t>(from));
 }
 
-// The fields that mean the same in every epoch.
+// Fields with the same meaning in every epoch.
 Sample PlainFields(const protocol::InputReport& report, std::int64_t receive_us) {
   Sample sample;
   sample.receive_us = receive_us;
@@ -44,7 +44,8 @@ Sample PlainFields(const protocol::InputReport& report, std::int64_t receive_us)
   return sample;
 }
 
-// The mark, as far behind the continued count as the device has it behind its own.
+// Continues the mark: its distance to the continued count is the distance to the count in the
+// device.
 void PlaceReference(const protocol::InputReport& report, Sample& sample) {
   sample.reference_counts =
       sample.axial_counts + SignedStep(report.reference_counts, report.axial_counts);
@@ -69,7 +70,7 @@ std::optional<Sample> ReportDecoder::Decode(std::span<const std::uint8_t> bytes,
 }
 
 std::optional<protocol::InputReport> ReportDecoder::Check(std::span<const std::uint8_t> bytes) {
-  // Id and version are checked first: they say more about a stray report than its length does.
+  // Checks id and version first, because they explain a foreign report better than its length.
   if (!bytes.empty() && bytes[0] != protocol::kInputReportId) {
     ++counters_.wrong_id;
     return std::nullopt;

@@ -1,10 +1,10 @@
-// From the bytes of input reports to samples whose numbers do not wrap.
+// Report decoder: converts the bytes of input reports to samples whose numbers do not wrap.
 //
 // The cumulative counts, the device clock and the sequence number all wrap. Each is continued to 64
-// bits by taking the value nearest to an expected one: counts near the previous ones, device time
-// near the host time that has passed, sequence near the device time that has passed. A restarted
-// device (another boot id) and a new connection begin a new epoch, in which the 64-bit numbers
-// continue without a jump. No I/O, no clock.
+// bits, with the value nearest to an expected one. Counts are expected near the previous counts,
+// the device time by the elapsed host time, the sequence number by the elapsed device time. A
+// restarted device (another boot id) and a new connection begin a new epoch, in which the 64-bit
+// numbers continue without a jump. No I/O, no clock.
 //
 // A device that was not polled still holds the reports of that time. A gap after the first few
 // reports of a connection is therefore no loss: the epoch begins after the gap.
@@ -60,17 +60,17 @@ struct DecoderCounters {
   std::int64_t jumps = 0;          ///< counts that moved faster than any hand; continued from there
 };
 
-/// No hand moves the sensor's surface faster, mm/s. Counts that change faster have another cause,
-/// such as counters of the device that were set to zero.
+/// Largest speed at which a hand moves the sensor's surface, mm/s. Faster counts have another
+/// cause, such as counters of the device that were set to zero.
 inline constexpr double kImpossibleSpeedMmPerS = 25000.0;
 
 class ReportDecoder {
  public:
-  /// The device was (re)connected: the next report begins an epoch, with any boot id.
+  /// Call after a (re)connection: the next report begins an epoch, with any boot id.
   void OnConnected() { connecting_ = true; }
 
-  /// The sample in one report, or nothing when the report was refused, late or received before; the
-  /// counters show which.
+  /// Sample of one report; nullopt for a report that was refused, late or received before. The
+  /// counters show the reason.
   std::optional<Sample> Decode(std::span<const std::uint8_t> report, std::int64_t receive_us);
 
   const DecoderCounters& counters() const { return counters_; }

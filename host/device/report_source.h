@@ -13,37 +13,38 @@ namespace torquer::device {
 /// One event from a report source.
 struct SourceEvent {
   enum class Kind {
-    kConnected,     ///< a device is here; features can be asked for, reports follow
+    kConnected,     ///< a device is connected; features can be requested, reports follow
     kReport,        ///< one input report
-    kDisconnected,  ///< it is gone; another kConnected follows when it, or one like it, is back
-    kTrouble,       ///< after a first connection: a device is here that cannot be read, for now
+    kDisconnected,  ///< no device is connected; kConnected follows when it, or a device like it, is
+                    ///< back
+    kTrouble,  ///< after a first connection: a device is connected, but cannot be read at present
   };
   Kind kind = Kind::kReport;
   std::int64_t host_us = 0;                ///< arrival, CLOCK_MONOTONIC
   std::span<const std::uint8_t> report{};  ///< kReport: as sent, report id first; of any length
-  std::string text{};  ///< kConnected: where the device is; otherwise what happened, and remedies
+  std::string text{};  ///< kConnected: place of the device; otherwise cause and remedy
 };
 
-/// A feature request that the device refused, as by a USB STALL, or did not answer in time.
+/// Error of a feature request: refused, as by a USB STALL, or not answered in time.
 class FeatureError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// A feature request that the device did not answer in time; it may answer the next.
+/// Error of a feature request that was not answered in time; the next one may be answered.
 class FeatureTimeout : public FeatureError {
  public:
   using FeatureError::FeatureError;
 };
 
-/// A feature request that found no device, or lost it meanwhile; a kDisconnected event follows with
-/// the reason.
+/// Error of a feature request without a device, or with a device that was unplugged during it. A
+/// kDisconnected event follows with the reason.
 class DeviceGone : public FeatureError {
  public:
   using FeatureError::FeatureError;
 };
 
-/// All calls from one thread, except Interrupt().
+/// One thread makes all calls, except Interrupt().
 class ReportSource {
  public:
   using Sink = std::function<void(const SourceEvent&)>;
@@ -51,16 +52,18 @@ class ReportSource {
   virtual ~ReportSource() = default;
 
   /// Waits at most `timeout_ms` for events and passes them to `sink` in order of arrival; returns
-  /// early after Interrupt(). While there is no device it looks for one. `sink` may ask for
-  /// features. Before a first device was connected it throws UserError for what waiting does not
-  /// remedy, such as a device that may not be opened; later that is kTrouble, and tried again.
+  /// early after Interrupt(). Without a device it searches for one. `sink` may request features.
+  /// Before the first connection it throws UserError for a problem that does not end by itself,
+  /// such as a device that may not be opened. After it, the problem is a kTrouble event, and the
+  /// next attempt follows.
   virtual void Wait(int timeout_ms, const Sink& sink) = 0;
 
-  /// Lets go of the connected device as if it had failed: the next Wait() says kDisconnected with
-  /// `reason`, and later ones look for a device again. Nothing happens when none is connected.
+  /// Releases the connected device as after a failure. The next Wait() gives kDisconnected with
+  /// `reason`, and later calls search for a device again. Without a connected device it has no
+  /// effect.
   virtual void LetGo(const std::string& reason) = 0;
 
-  /// Makes a running or the next Wait() return soon. From any thread.
+  /// Makes a running or the next Wait() return soon. Any thread may call it.
   virtual void Interrupt() = 0;
 
   /// The feature report `report_id`, report id first. Throws FeatureError.

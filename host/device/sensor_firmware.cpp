@@ -33,7 +33,7 @@ protocol::DiagnosticsReport Diagnostics(FeatureReports& reports) {
 
 std::vector<std::uint8_t> ReadSromFile(const std::string& path) {
   const InputFile file(path, "name the file with the sensor maker's firmware image");
-  // One byte more than an image has shows a file that is too long, and no file is read whole.
+  // Reads at most one byte more than an image has, which shows a file that is too long.
   std::vector<std::uint8_t> bytes(protocol::kSromBytes + 1);
   bytes.resize(file.ReadAt(0, bytes.data(), bytes.size()));
   if (LooksLikeText(bytes)) {
@@ -86,7 +86,7 @@ std::optional<std::string> KeepSrom(const std::string& serial,
                                     const std::vector<std::uint8_t>& image) {
   std::optional<std::string> path = KeptSromPath(serial);
   if (!path) return std::nullopt;
-  std::error_code ignored;  // the file cannot be written then, which says more
+  std::error_code ignored;  // writing the file then fails with a better message
   std::filesystem::create_directories(std::filesystem::path(*path).parent_path(), ignored);
   WriteFileAtomically(*path,
                       std::string_view(reinterpret_cast<const char*>(image.data()), image.size()));

@@ -1,7 +1,8 @@
-// The firmware image (SROM) of the motion sensor's maker: from the user's file into the sensor.
+// Loads the firmware image (SROM) of the motion sensor's maker from the user's file into the
+// sensor.
 //
-// The image is the maker's property and no part of this project. The sensor works without; it
-// forgets the image with its power, so that a program loads it each time: from the copy that
+// The image is the maker's property and not part of this project. The sensor also works without it.
+// It loses the image without power, so a program loads it each time, from the copy that
 // torquer-flash --srom keeps for the device.
 #pragma once
 
@@ -14,25 +15,25 @@
 
 namespace torquer::device {
 
-/// The image in a file: protocol::kSromBytes bytes. Throws UserError naming the file, what it has
-/// instead, and the remedy.
+/// The image in a file: protocol::kSromBytes bytes. Throws UserError naming the file, its contents,
+/// and the remedy.
 std::vector<std::uint8_t> ReadSromFile(const std::string& path);
 
-/// Loads `image` into the device's sensor, some 0.3 s. Returns the number that the sensor says it
-/// runs, never 0. Throws UserError with the cause and the remedy if the sensor did not take it; the
-/// sensor then runs without.
+/// Loads `image` into the device's sensor in about 0.3 s. Returns the number that the sensor
+/// reports, never 0. Throws UserError with the cause and the remedy if the sensor refuses the
+/// image; the sensor then runs its ROM.
 int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image);
 
 /// Number of the image that the sensor runs now; 0: its ROM.
 int RunningSrom(FeatureReports& reports);
 
 /// Path of the kept image for the device with this serial number: SERIAL.srom, beside its
-/// calibration. Nothing if the user has no configuration folder.
+/// calibration. nullopt if the user has no configuration folder.
 std::optional<std::string> KeptSromPath(const std::string& serial);
 
 /// Keeps a copy of `image` there, so that the daemon loads it whenever the sensor has lost it.
-/// Returns its path, or nothing where the user has no configuration folder. Throws UserError when
-/// it cannot be written.
+/// Returns its path, or nullopt if the user has no configuration folder. Throws UserError when it
+/// cannot be written.
 std::optional<std::string> KeepSrom(const std::string& serial,
                                     const std::vector<std::uint8_t>& image);
 

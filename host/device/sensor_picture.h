@@ -9,14 +9,14 @@
 namespace torquer::device {
 
 struct SensorPicture {
-  /// protocol::kPictureSide rows of as many, 0 .. 127, as the sensor sends them.
+  /// protocol::kPictureSide rows of kPictureSide pixels, 0 .. 127, in the sensor's order.
   std::vector<std::uint8_t> pixels;
   int surface_quality = 0;  ///< SQUAL before the picture, 0 .. 128
   int shutter = 0;          ///< exposure before it, sensor clock ticks
 };
 
-/// Takes one, in up to 0.4 s, for which the device reports a sensor fault; a firmware image that
-/// had been loaded is lost. Throws UserError with cause and remedy.
+/// Takes a picture in up to 0.4 s. Meanwhile the device reports a sensor fault. The sensor loses a
+/// loaded firmware image. Throws UserError with cause and remedy.
 SensorPicture TakeSensorPicture(FeatureReports& reports);
 
 }  // namespace torquer::device

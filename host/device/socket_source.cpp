@@ -57,7 +57,7 @@ bool SocketSource::Connect() {
         "listens",
         path_, std::strerror(reason)));
   }
-  return false;  // nobody listens there yet
+  return false;  // no device listens there yet
 }
 
 void SocketSource::Close() {

@@ -1,4 +1,4 @@
-// The device on a command line: the options with which programs choose a source of reports.
+// Command-line options of programs for the choice of a source of reports.
 #pragma once
 
 #include <memory>

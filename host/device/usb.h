@@ -15,8 +15,8 @@ inline constexpr char kPermissionRemedy[] =
     "udevadm control --reload && sudo udevadm trigger; a user who logs in remotely must also join "
     "its group: sudo groupadd -rf torquer && sudo usermod -aG torquer $USER, and log in again";
 
-/// The devices on this machine's USB at one moment, with its own libusb context. Where no udev
-/// runs, a context that lives on does not notice new devices, so a new list needs a new object.
+/// The devices on this machine's USB at one moment, with its own libusb context. Without udev, an
+/// existing context does not notice new devices, so a new list needs a new object.
 class UsbDevices {
  public:
   /// Throws UserError when the USB cannot be used at all.

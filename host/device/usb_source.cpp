@@ -27,8 +27,8 @@ constexpr std::size_t kLargestReport = protocol::kLongestReportBytes;
 constexpr int kMostErrorsInARow = 50;
 // Permissions are granted by udev, perhaps a moment after the device is announced.
 constexpr std::int64_t kUsbPermissionUs = 1000000;
-// A device that has just been plugged in may fail at first; one that fails for longer is tried when
-// the bus is listed.
+// A device that was just plugged in may fail at first. If it fails for longer, the next attempt
+// follows at the next listing of the bus.
 constexpr std::int64_t kOpenUs = 3000000;
 constexpr std::int64_t kListUs = 1000000;
 
@@ -102,7 +102,7 @@ void UsbSource::OnTransfer(libusb_transfer* transfer) {
   switch (transfer->status) {
     case LIBUSB_TRANSFER_COMPLETED:
       source.errors_in_a_row_ = 0;
-      source.stalled_ = false;  // an earlier stall was no halt
+      source.stalled_ = false;  // an earlier stall did not halt the endpoint
       source.arrivals_.push_back({host_us, transfer->actual_length, own.bytes});
       source.Submit(own);
       break;
@@ -194,8 +194,8 @@ void UsbSource::Deliver(const Sink& sink) {
   }
 }
 
-// Adds what is there and neither known as other people's nor waiting to be tried. Arrivals are
-// announced, but not every way back is one.
+// Adds connected devices that are new, without known devices of other makers. The kernel announces
+// arrivals, but not every return of a device.
 void UsbSource::ListTheBus() {
   const std::int64_t now_us = bus::MonotonicUs();
   if (now_us - listed_us_ < kListUs) return;
@@ -251,7 +251,7 @@ bool UsbSource::Waits(libusb_device* device) const {
 
 void UsbSource::TryCandidates(std::vector<OpenDevice>& found) {
   for (std::size_t count = candidates_.size(); count > 0; --count) {
-    // Taken out first: opening one lets others be added, and may throw.
+    // Takes the list out first, because opening a device may add others, and may throw.
     const Candidate candidate = candidates_.front();
     candidates_.pop_front();
     const std::unique_ptr<libusb_device, void (*)(libusb_device*)> kept(candidate.device,
@@ -285,7 +285,7 @@ UsbSource::Trial UsbSource::TryOpen(const Candidate& candidate, std::vector<Open
   return product.empty() || device.serial.empty() ? Trial::kNotNow : Trial::kOther;
 }
 
-// One that may not be opened: what it is can be read from sysfs all the same.
+// A device that may not be opened is still described by sysfs.
 UsbSource::Trial UsbSource::JudgeForbidden(const Candidate& candidate,
                                            const std::string& address) const {
   const std::string product = UsbTextOfKernel(candidate.device, "product");
@@ -295,13 +295,13 @@ UsbSource::Trial UsbSource::JudgeForbidden(const Candidate& candidate,
   throw UserError(fmt::format("{} may not be opened by this user; {}", address, kPermissionRemedy));
 }
 
-// Other people's prototypes use the same ids.
+// Prototypes of other makers use the same ids.
 bool UsbSource::IsOurs(const std::string& product, const std::string& serial) const {
   return product == protocol::kUsbProduct && !serial.empty() &&
          (serial_.empty() || serial == serial_);
 }
 
-// False when the device cannot say, which one that is being unplugged cannot.
+// False if the device does not answer, such as one that is being unplugged.
 bool UsbSource::HasConfiguration(const OpenDevice& device) const {
   libusb_config_descriptor* configuration = nullptr;
   if (libusb_get_active_config_descriptor(libusb_get_device(device.handle), &configuration) != 0) {
@@ -327,7 +327,7 @@ bool UsbSource::HasConfiguration(const OpenDevice& device) const {
   return true;
 }
 
-// False when the device is just leaving: it stays with the caller.
+// False if the device is being unplugged; the caller then still owns it.
 bool UsbSource::Start(const OpenDevice& device) {
   if (!HasConfiguration(device)) return false;
   libusb_set_auto_detach_kernel_driver(device.handle, 1);
@@ -359,7 +359,7 @@ bool UsbSource::Start(const OpenDevice& device) {
 // Ends the transfers before the device is closed.
 void UsbSource::Stop() {
   if (handle_ == nullptr) return;
-  if (gone_.empty()) gone_ = "is being closed";  // so that nothing is submitted any more
+  if (gone_.empty()) gone_ = "is being closed";  // so that no transfer is submitted any more
   const auto busy = [this] {
     return std::any_of(transfers_.begin(), transfers_.end(),
                        [](const auto& transfer) { return transfer->in_flight; });

@@ -1,5 +1,5 @@
-// Reports of the bench device over USB, by libusb: several interrupt transfers in flight, hotplug,
-// and every way in which a device can fail or be removed.
+// Reports of the bench device over USB, by libusb, with several interrupt transfers in flight,
+// hotplug, and recovery from each failure or removal of a device.
 #pragma once
 
 #include <libusb.h>
@@ -19,18 +19,17 @@ namespace torquer::device {
 
 class UsbSource : public ReportSource {
  public:
-  /// Reads the device with this serial number; "" for the only one there is. Once connected, only
-  /// the device with that serial number is read. Throws UserError when the USB cannot be used.
+  /// Reads the device with this serial number; "" for the only one there is. After a connection,
+  /// only the device with that serial number is read. Throws UserError if the USB cannot be used.
   explicit UsbSource(std::string serial);
   ~UsbSource() override;
   UsbSource(const UsbSource&) = delete;
   UsbSource& operator=(const UsbSource&) = delete;
 
-  /// Before a first connection it also throws UserError when there are several devices and none was
-  /// chosen, when the device may not be opened, when another program uses it, or when its endpoints
-  /// are not those of our firmware. While none is connected the bus is listed once a second: after
-  /// a suspend of the host, or a row of errors, a device may be there without having been plugged
-  /// in.
+  /// Before the first connection it throws UserError for several devices without a choice, for a
+  /// device that may not be opened or that another program uses, and for endpoints that are not
+  /// those of Torquer's firmware. Without a device the bus is listed once a second. After a suspend
+  /// of the host or repeated errors, a device may be present without a new arrival.
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override;
   void Interrupt() override;
@@ -92,7 +91,7 @@ class UsbSource : public ReportSource {
   libusb_context* context_ = nullptr;
   libusb_hotplug_callback_handle hotplug_{};
   std::deque<Candidate> candidates_;
-  std::vector<libusb_device*> others_;  // listed devices with our ids that are not ours
+  std::vector<libusb_device*> others_;  // listed devices of other makers with the same ids
   std::int64_t listed_us_ = 0;
   Reopening reopening_;
   bool bootloader_seen_ = false;

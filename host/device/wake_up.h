@@ -18,7 +18,7 @@ class WakeUp {
   /// Readable between Raise() and Clear().
   int fd() const { return fd_; }
 
-  /// From any thread, also from a signal handler.
+  /// Any thread may call it, and a signal handler.
   void Raise() {
     const std::uint64_t one = 1;
     [[maybe_unused]] const ssize_t written = write(fd_, &one, sizeof one);
