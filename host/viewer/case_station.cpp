@@ -24,8 +24,8 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMostCases = 64;
 constexpr std::int64_t kMostPictureBytes = 200'000;
 constexpr std::int64_t kMostReportBytes = std::int64_t{64} << 20;
-// After that a program that was asked to end is killed. A simulator keeps its field, a recorder
-// what still comes.
+// Time to end: a program that does not end within it is killed. A simulator stores its field, a
+// recorder the last messages.
 constexpr std::int64_t kEndUs = 10'000'000;
 // Longest wait for a last report while the viewer ends.
 constexpr std::int64_t kLastReportUs = 30'000'000;
@@ -39,7 +39,7 @@ std::string PictureOf(const fs::path& folder, const std::string& name) {
   return ReadInputFile(path.string(), "draw it again, or remove it", kMostPictureBytes);
 }
 
-// A new folder; the second of a second gets a number.
+// Makes a new folder, named by the time. A second folder of the same second gets a number.
 fs::path NewFolder(const fs::path& parent) {
   std::error_code error;
   fs::create_directories(parent, error);
@@ -174,7 +174,7 @@ bool CaseStation::HasRoom() {
   } else {
     std::error_code error;
     const fs::space_info space = fs::space(sessions_, error);
-    if (error) return true;  // what writes there will say it
+    if (error) return true;  // the program that writes there reports the error
     free_bytes = static_cast<std::int64_t>(space.available);
   }
   if (free_bytes >= kLeastFreeBytes) return true;
@@ -234,7 +234,7 @@ bool CaseStation::Advance(std::int64_t now_us) {
   return changed;
 }
 
-// The simulator starts when the log is there: nothing is missing in it then.
+// The simulator starts after the log exists, so that the log is complete.
 void CaseStation::AdvanceRecorder(std::int64_t now_us) {
   if (!fs::exists(folder_ / "session.lcmlog")) return;
   std::vector<std::string> words = {(programs_.folder / "torquer-simulator").string(), "--scene",
@@ -275,7 +275,7 @@ void CaseStation::Fail(const std::string& program, ChildProgram& ended) {
                          said.substr(said.rfind('\n') + 1));
 }
 
-// One after the other: simulator, recorder, report.
+// Ends the programs in order: simulator, recorder, report.
 void CaseStation::AdvanceEnding(std::int64_t now_us) {
   if (simulator_ != nullptr) {
     if (!simulator_->Ended()) return Stop(*simulator_, now_us);
@@ -294,7 +294,7 @@ void CaseStation::AdvanceEnding(std::int64_t now_us) {
     return;
   }
   if (reporter_ != nullptr) {
-    // Status 1: something was lost, or a measure is beyond its limit, which the page says.
+    // Status 1: messages were lost, or a measure exceeds its limit. The page shows which.
     if (*reporter_->Ended() < 2) {
       ReadReport();
     } else if (problem_.empty()) {

@@ -1,5 +1,5 @@
-// The cases that a trainee chooses from, and the one that runs: simulator and recorder as other
-// programs, and at its end the report.
+// Case station: lists the cases for a trainee and runs one of them. It starts simulator and
+// recorder as programs, and writes the report at the end.
 //
 //   choose --Start--> starting --first state--> running --End--> ending --> ended --Close--> choose
 #pragma once
@@ -24,18 +24,18 @@ struct Case {
   std::string task;
   int difficulty = 1;
   bool xray = false;
-  bool assessed = false;  ///< there is a record of what the trainee has done
+  bool assessed = false;  ///< the scene has [effects.assessment]
   std::vector<std::string> instruments;
   std::string picture;  ///< JPEG; "" where there is none
 };
 
-/// The cases of a folder: of each scene that has a section [case], the easiest first; each with its
-/// picture from `pictures/NAME.jpg` in that folder. `problems` takes what is wrong with files that
-/// are left out. Throws UserError where there is no case at all.
+/// Cases of a folder: its scenes with a section [case], the easiest first, with the pictures
+/// `pictures/NAME.jpg` of that folder. `problems` gets a message for each file that is left out.
+/// Throws UserError if the folder has no case.
 std::vector<Case> ReadCases(const std::filesystem::path& folder,
                             std::vector<std::string>& problems);
 
-/// Runs one case at a time. No clock: the caller says what time it is, ascending.
+/// Runs one case at a time. It has no clock: the caller passes the time, which must not decrease.
 class CaseStation {
  public:
   enum class Phase { kChoose, kStarting, kRunning, kEnding, kEnded };
@@ -43,37 +43,37 @@ class CaseStation {
   struct Programs {
     std::filesystem::path folder;  ///< of torquer-simulator, -recorder and -report
     std::string lcm_url;           ///< for them; "" for their default
-    /// Room on the disk of the sessions, bytes; none: as the file system says.
+    /// Free bytes on the disk of the sessions; empty: from the file system.
     std::function<std::int64_t()> free_bytes = {};
   };
 
-  /// A minute of a scene that moves takes 0.1 GB. With less room no case starts, and a running case
-  /// ends, so that a page that stays open does not fill the disk.
+  /// Smallest free space. With less, no case starts and a running case ends, so that an open page
+  /// does not fill the disk. A minute of a moving scene takes 0.1 GB.
   static constexpr std::int64_t kLeastFreeBytes = 2'000'000'000;
 
-  /// Each session has its folder in `sessions`/CASE, named by the time. Throws UserError if that
-  /// cannot be created.
+  /// Each session has a folder in `sessions`/CASE, named by the time. Throws UserError if it cannot
+  /// be created.
   CaseStation(std::vector<Case> cases, std::filesystem::path sessions, Programs programs);
-  /// Ends what runs, in order: simulator, recorder, and the report is written.
+  /// Ends the running programs in order: simulator, recorder. Then it writes the report.
   ~CaseStation();
   CaseStation(const CaseStation&) = delete;
   CaseStation& operator=(const CaseStation&) = delete;
 
-  /// False, and nothing is done, where the phase is another one than the picture above says, there
-  /// is no such case, or an examination is wanted of a case without X-ray. Every start has its own
-  /// folder with log, record and report; they say that the session is an examination.
+  /// Each returns false without effect if the phase does not allow it (picture above), the case
+  /// does not exist, or an examination has no X-ray. Every start has a folder with log, record and
+  /// report, which mark an examination.
   bool Start(std::size_t number, std::int64_t now_us, bool examination = false);
   bool End(std::int64_t now_us);
   bool Close();
 
-  /// A simulator has published a state: that of the case, or where none runs a stranger's, beside
-  /// which no case starts.
+  /// Reports that a simulator has published a state. Without a running case it is a foreign
+  /// simulator, beside which no case starts.
   void SawState(std::int64_t now_us);
-  /// Looks after the programs; call it often. Whether anything has changed that Text() says.
+  /// Checks the programs; call it often. True if the text of Text() has changed.
   bool Advance(std::int64_t now_us);
 
   Phase phase() const { return phase_; }
-  /// The case that was chosen last; null before any choice.
+  /// The last chosen case; null before a choice.
   const Case* chosen() const;
   /// Number of starts of cases.
   int runs() const { return runs_; }
@@ -81,7 +81,7 @@ class CaseStation {
   const std::string* report() const { return report_ ? &*report_ : nullptr; }
   const std::vector<Case>& cases() const { return cases_; }
 
-  /// For the page: cases, phase, and what went wrong (README.md).
+  /// Text for the page: cases, phase and problems (README.md).
   std::string Text() const;
 
  private:
@@ -108,11 +108,11 @@ class CaseStation {
   std::unique_ptr<ChildProgram> reporter_;
   std::int64_t looked_us_ = 0;  // for room on the disk
   std::int64_t began_us_ = 0;   // when the case was started
-  std::int64_t since_us_ = 0;   // when the phase, or what is waited for in it, began
+  std::int64_t since_us_ = 0;   // start of the phase, or of the wait in it
   // Time that torquer-report may take in addition to the length of the session, which it repeats.
   std::int64_t report_us_ = 120'000'000;
   std::int64_t session_us_ = 0;
-  std::optional<std::int64_t> stranger_us_;  // newest state that is of no case
+  std::optional<std::int64_t> stranger_us_;  // newest state of a foreign simulator
   std::string problem_;
   std::optional<std::string> report_;
   bool changed_ = true;

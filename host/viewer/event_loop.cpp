@@ -14,7 +14,7 @@ EventLoop::~EventLoop() {
 void EventLoop::WhenReadable(int file_descriptor, std::function<void()> act) {
   auto& watched = *watched_.emplace_back(
       std::make_unique<asio::posix::stream_descriptor>(context_, file_descriptor));
-  // A function that starts itself again, kept by its handler.
+  // The function starts itself again; its handler owns it.
   const auto wait = std::make_shared<std::function<void()>>();
   *wait = [this, &watched, act = std::move(act), again = std::weak_ptr(wait)] {
     watched.async_wait(asio::posix::stream_descriptor::wait_read,

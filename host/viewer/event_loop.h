@@ -1,4 +1,4 @@
-// A loop of one thread that calls functions by time and when files can be read.
+// Event loop of one thread. It calls functions at times, and when files can be read.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -12,7 +12,7 @@
 
 namespace torquer::viewer {
 
-/// Functions that it calls may throw: the loop ends then, and Run() throws it.
+/// If a called function throws, the loop ends, and Run() throws the exception.
 class EventLoop {
  public:
   EventLoop() = default;
@@ -22,11 +22,11 @@ class EventLoop {
 
   boost::asio::io_context& context() { return context_; }
 
-  /// Calls `act` whenever the file can be read; it stays the caller's to close.
+  /// Calls `act` whenever the file can be read. The caller closes the file.
   void WhenReadable(int file_descriptor, std::function<void()> act);
   void Every(std::chrono::milliseconds interval, std::function<void()> act);
 
-  /// Calls `act` at once, as the loop calls functions.
+  /// Calls `act` at once, with the loop's handling of exceptions.
   template <class Act>
   void Guarded(Act&& act) {
     try {
@@ -37,7 +37,7 @@ class EventLoop {
     }
   }
 
-  /// Until Stop(), or what a function throws.
+  /// Runs until Stop(), or until a function throws.
   void Run();
   void Stop() { context_.stop(); }
 

@@ -11,7 +11,7 @@
 
 namespace torquer::viewer {
 
-/// In a thread, as fast as that goes.
+/// Runs in a thread, as fast as possible.
 class HashCheck {
  public:
   struct Finding {
@@ -20,7 +20,7 @@ class HashCheck {
     std::string error;  ///< reason for an early end; "" otherwise
   };
 
-  /// `scene` must outlive this, and have no other user meanwhile.
+  /// `scene` must outlive this. Meanwhile no one else may use it.
   HashCheck(scene::Scene& scene, const std::string& log);
   /// Stops it.
   ~HashCheck();

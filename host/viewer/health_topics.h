@@ -19,7 +19,7 @@ class HealthTopics {
   std::vector<std::string> Add(const torquer_lcm::scene_description_t& scene);
   /// True if the session needs this process.
   bool Needs(const torquer_lcm::health_t& health) const;
-  /// True where the scene has this instrument; of any before a scene is known.
+  /// True if the scene has this instrument, and for every instrument before the scene is known.
   bool HasInstrument(const std::string& name) const;
 
   static std::string TopicOf(const torquer_lcm::health_t& health);

@@ -1,4 +1,4 @@
-// Requests and errors of connections as Boost.Beast has them, for page_server.cpp alone.
+// Conversions of Boost.Beast's requests and errors, for page_server.cpp alone.
 #pragma once
 
 #include <boost/beast/core.hpp>
@@ -22,7 +22,7 @@ inline bool HasLeft(const boost::system::error_code& error) {
 
 inline std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
 
-/// A request of Beast as the door looks at it.
+/// Converts a request of Beast for PageDoor.
 template <class Request>
 Visitor VisitorOf(const Request& request) {
   namespace http = boost::beast::http;

@@ -83,7 +83,7 @@ int Run(const Arguments& arguments) {
   std::optional<viewer::CaseStation> station;
   viewer::ViewerSetup setup;
   setup.steer = arguments.steer;
-  // Before signals are only noted: it may take seconds.
+  // Loads before signals are caught, because it may take seconds, and Ctrl-C must end it.
   if (scene) setup.frames = viewer::FramesOf(*scene);
   if (!arguments.cases.empty()) {
     std::vector<viewer::Case> cases = CasesOf(arguments.cases);

@@ -9,7 +9,7 @@ constexpr unsigned kForbidden = 403;
 constexpr unsigned kMethodNotAllowed = 405;
 constexpr unsigned kMisdirected = 421;
 
-// In a time that does not depend on where they differ.
+// Compares in a time that does not depend on the first difference.
 bool Equal(std::string_view a, std::string_view b) {
   if (a.size() != b.size()) return false;
   unsigned different = 0;

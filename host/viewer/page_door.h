@@ -10,7 +10,8 @@
 
 namespace torquer::viewer {
 
-/// Content security policies of the page, and of a document from elsewhere, which may load nothing.
+/// Content security policies of the page, and of a document from another program, which may not
+/// load any file.
 inline constexpr char kPagePolicy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
     "connect-src 'self'; frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
@@ -30,7 +31,8 @@ struct Visitor {
   bool upgrade = false;  ///< it asks for a WebSocket
 };
 
-/// Lets in who knows the token, and names this machine's loopback and this server alone.
+/// Admits requests with the token whose Host is this machine's loopback and whose Origin is this
+/// server.
 struct Door {
   std::string token;
   std::vector<std::string> hosts;  ///< that are this server
@@ -42,10 +44,10 @@ struct Door {
   Answer Open(const Visitor& visitor) const;
 };
 
-/// Counts what a page sends in a second.
+/// Counts the messages of a page per second.
 class MessageRate {
  public:
-  /// True where one more is within `most` a second.
+  /// True if one more message is within `most` per second.
   bool Take(int most, std::chrono::steady_clock::time_point now);
 
  private:
@@ -53,7 +55,8 @@ class MessageRate {
   int messages_ = 0;
 };
 
-/// The WebSocket's last frame: the page has broken a rule, named by at most 100 letters.
+/// Last frame of the WebSocket for a page that has broken a rule, with the rule in at most 100
+/// letters.
 std::string CloseFrame(std::string_view reason);
 
 }  // namespace torquer::viewer

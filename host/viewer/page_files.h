@@ -1,4 +1,4 @@
-// The files of the page: bundled by web/build.mjs into the program. There are no others.
+// The only files of the page, which web/build.mjs bundles into the program.
 #pragma once
 
 #include <span>

@@ -5,7 +5,7 @@
 
 namespace torquer::viewer {
 
-/// An open page, by a number that no other one gets.
+/// Unique number of an open page.
 using PageId = std::int64_t;
 
 }  // namespace torquer::viewer

@@ -49,8 +49,8 @@ Value ReadAt(std::span<const std::uint8_t> bytes, std::size_t offset) {
 
 std::string Name(const std::string& text) { return Printable(text, kLongestName); }
 
-// Forces are those along the curve that reaches farthest. The nodes of a state are those of the
-// innermost curve, and both may have the same number.
+// Forces belong to the curve that reaches farthest, nodes of a state to the innermost curve. Two
+// different curves may have the same number of nodes.
 bool ReachesFarthest(const torquer_lcm::wire_state_t& state) {
   double innermost_mm = 0;
   double other_mm = 0;
@@ -61,7 +61,7 @@ bool ReachesFarthest(const torquer_lcm::wire_state_t& state) {
   return innermost_mm >= other_mm;
 }
 
-// mN at each node that the state has; NaN where nothing measures it.
+// Forces in mN at each node of the state; NaN if the scene does not measure them.
 std::vector<float> ContactForces(const torquer_lcm::wire_state_t& state,
                                  const torquer_lcm::wire_forces_t* forces) {
   std::vector<float> magnitudes(state.nodes_mm.size(), std::numeric_limits<float>::quiet_NaN());
@@ -76,7 +76,7 @@ std::vector<float> ContactForces(const torquer_lcm::wire_state_t& state,
   return magnitudes;
 }
 
-// um at each node that the state has; 0 without contact.
+// Penetrations in um at each node of the state; 0 without contact.
 std::vector<float> Penetrations(const torquer_lcm::wire_state_t& state) {
   std::vector<float> depths(state.nodes_mm.size(), 0.0F);
   if (state.stride < 1) return depths;
@@ -93,7 +93,7 @@ void AddNodes(const std::vector<std::vector<float>>& nodes_mm, Writer& out) {
   for (const auto& node : nodes_mm) out.Add(node.data(), 3 * sizeof(float));
 }
 
-// x, y, z of one point after the other, to 0.01 mm.
+// x, y, z of each point in order, rounded to 0.01 mm.
 nlohmann::json Points(const vessel::Centerline& curve) {
   nlohmann::json coordinates = nlohmann::json::array();
   for (const Eigen::Vector3d& point : curve.points_mm()) {
@@ -298,7 +298,7 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
   controls.turn_rad_s = ReadAt<float>(bytes, 8);
   controls.lao_rad_s = ReadAt<float>(bytes, 12);
   controls.cra_rad_s = ReadAt<float>(bytes, 16);
-  // Not a number fails each of these.
+  // NaN fails each of these comparisons.
   const bool usable = std::abs(controls.push_mm_s) <= Controls::kMostPushMmS &&
                       std::abs(controls.turn_rad_s) <= Controls::kMostTurnRadS &&
                       std::abs(controls.lao_rad_s) <= Controls::kMostArmRadS &&
@@ -335,7 +335,7 @@ std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> b
   controls.speed = ReadAt<float>(bytes, 4);
   const double at_s = ReadAt<double>(bytes, 8);
   controls.steps = ReadAt<std::int32_t>(bytes, 16);
-  // 0.1 as a float is a little more; not a number fails.
+  // 0.1 as a float is slightly larger; NaN fails.
   const bool usable = controls.speed >= ReplayControls::kLeastSpeed &&
                       controls.speed <= ReplayControls::kMostSpeed &&
                       controls.steps >= -ReplayControls::kMostSteps &&

@@ -32,37 +32,38 @@ enum class FrameKind : std::uint8_t {
   kCase = 19
 };
 
-/// Second byte of a binary message: a change of a layout makes a new one.
+/// Second byte of a binary message. A change of a layout needs a new version.
 inline constexpr std::uint8_t kFrameVersion = 1;
 
 /// Time between two summaries of a session.
 inline constexpr std::int64_t kSummaryUs = 100'000;
 
-/// The newest state. `forces`, if there are any, are used where they belong to the same tick.
-/// Latencies are left out (NaN) where `clock_id` is another clock than the state's.
+/// Message with the newest state. `forces`: optional, used if they are from the same tick.
+/// Latencies are NaN if `clock_id` is another clock than the clock of the state.
 std::string StateFrame(const torquer_lcm::wire_state_t& state,
                        const torquer_lcm::wire_forces_t* forces, std::int64_t clock_id);
 
 /// `lateral`: of the second plane.
 std::string PictureFrame(const torquer_lcm::picture_t& picture, bool lateral = false);
 
-/// The vessel's surface, with the scene's content hash: the page shows it for that scene alone.
+/// Message with the vessel's surface and the scene's content hash. The page shows it for that scene
+/// alone.
 std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,
                         const Motions& motions);
 
-/// The vessel's centerlines, what the trainee is to reach, and how all of it moves: `task` may be
-/// null.
+/// Message with the vessel's centerlines, the trainee's target, and the motions of both. `task` may
+/// be null.
 std::string LinesText(const vessel::CenterlineNetwork& centerlines,
                       const effects::AssessmentTask* task, std::uint64_t content_hash,
                       const Motions& motions);
 
-/// Texts are one JSON object each, with a field `kind`; what came from the bus is Printable.
+/// Each text is a JSON object with a field `kind`. Text from the bus is Printable.
 std::string SceneText(const torquer_lcm::scene_description_t& scene);
 std::string HealthText(const torquer_lcm::health_t& health);
 std::string ReadingsText(const torquer_lcm::readings_t& readings);
 
-/// Controls that the page's keys request now. They are rates, not positions: a page that stops
-/// sending moves nothing.
+/// Controls that the page's keys request now. They are rates, not positions, so that all motion
+/// stops if a page stops sending.
 struct Controls {
   bool xray = false;
   bool contrast = false;
@@ -78,7 +79,7 @@ struct Controls {
   static constexpr double kMostArmRadS = 2;
 };
 
-/// Size of each message from the page, bytes.
+/// Sizes of the messages from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
 
 /// Reads controls. Nullopt if the bytes do not have that layout, or a rate is not finite or exceeds
@@ -94,7 +95,7 @@ struct ReplayControls {
   bool play = false;
   double speed = 1;            ///< kLeastSpeed to kMostSpeed
   std::optional<double> at_s;  ///< new position, from the beginning of the log; not negative
-  int steps = 0;               ///< states forward from there, negative backward
+  int steps = 0;               ///< states forward from that position, negative: backward
 
   static constexpr double kLeastSpeed = 0.1;
   static constexpr double kMostSpeed = 10;
@@ -109,7 +110,7 @@ std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> b
 struct CaseControl {
   enum class Action : std::uint8_t { kStart = 1, kEnd = 2, kClose = 3, kExamine = 4 };
   Action action = Action::kStart;
-  std::size_t number = 0;  ///< of the case that is started, or examined
+  std::size_t number = 0;  ///< number of the case for a start or an examination
 };
 
 /// Reads a choice of a case. Nullopt if the bytes do not have that layout.

@@ -40,7 +40,7 @@ constexpr std::chrono::seconds kLeaveTime{1};
 constexpr std::size_t kMostMessageBytes = 256;
 constexpr char kBusName[] = "bus";
 
-// Reads at a bounded rate, so that no connection keeps the loop from others.
+// Reads at a bounded rate, so that no connection blocks the others.
 using Stream = beast::basic_stream<tcp, tcp::socket::executor_type, beast::simple_rate_policy>;
 
 struct ServedFile {
@@ -79,7 +79,7 @@ class PageServer::Impl {
     });
   }
 
-  // Usually EMFILE: others close their connections meanwhile.
+  // Usually EMFILE: retry after a connection closes.
   void PauseAccepting() {
     pause_.expires_after(std::chrono::milliseconds(100));
     pause_.async_wait([this](error_code error) {
@@ -99,17 +99,17 @@ class PageServer::Impl {
   ShownTopics topics_;
   std::map<std::string, std::shared_ptr<const ServedFile>> served_;
   std::set<Page*> pages_;
-  std::list<Request*> unknown_;  // that have not shown the token, the oldest first
+  std::list<Request*> unknown_;  // connections without the token, the oldest first
   PageId last_page_ = 0;
   int connections_ = 0;  // that have
   std::int64_t refused_ = 0;
-  // Before what it holds: pages end with it, and use all of the above.
+  // Declared last, so destroyed first: pages end with it, and use the members above.
   EventLoop loop_;
   tcp::acceptor acceptor_;
   asio::steady_timer pause_;
 };
 
-// A page that is open: at most one message on its way, and of each topic the newest that waits.
+// An open page, with at most one message in flight, and the newest waiting message of each topic.
 class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
  public:
   Page(Impl& server, Stream stream)
@@ -134,10 +134,10 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     beast::get_lowest_layer(stream_).expires_never();
     error_code ignored;
     (void)beast::get_lowest_layer(stream_).socket().set_option(tcp::no_delay(true), ignored);
-    // Pings a silent page, and gives up on one that does not answer.
+    // Pings a silent page, and closes a page that does not answer.
     stream_.set_option(websocket::stream_base::timeout{kRequestTime, kSilentPageTime, true});
     stream_.read_message_max(kMostMessageBytes);
-    // Pings cost an answer, and never come out of a read.
+    // Counts pings here, because each costs an answer, and reads do not return them.
     stream_.control_callback([this](websocket::frame_type, beast::string_view) { Count(); });
     stream_.async_accept(request, [self = this->shared_from_this()](error_code error) {
       if (error) {
@@ -169,7 +169,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     });
   }
 
-  // Cuts a page off that sends too many; false then.
+  // Closes a page that sends too many messages, and returns false.
   bool Count() {
     if (rate_.Take(kMostMessagesPerS, std::chrono::steady_clock::now())) return true;
     if (!open_) return false;
@@ -195,7 +195,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
 
   void Write() {
     if (!open_ || writing_ || waiting_.empty()) return;
-    // In turn, so that no topic keeps others waiting.
+    // Sends topics in turn, so that no topic blocks others.
     auto next = waiting_.upper_bound(last_topic_);
     if (next == waiting_.end()) next = waiting_.begin();
     last_topic_ = next->first;
@@ -218,7 +218,8 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     (void)socket.send(asio::buffer(CloseFrame(reason)), 0, ignored);
   }
 
-  // Closed at once, the reason would not get past what is on its way. Nothing is read meanwhile.
+  // Closing waits for the message in flight, so that the reason arrives after it. Until then no
+  // message is read.
   void CloseFor(const std::string& reason) {
     open_ = false;
     leaves_ = true;
@@ -282,7 +283,7 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
                      });
   }
 
-  // Its reading, or writing, ends with an error.
+  // The pending read or write ends with an error.
   void Close() {
     LeaveUnknown();
     error_code ignored;
@@ -300,7 +301,7 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
     Admit();
     if (name == kBusName) {
       if (!websocket::is_upgrade(request)) return Refuse(http::status::upgrade_required);
-      // Beast takes an empty one. It is 16 bytes in base64.
+      // Beast accepts an empty key. A valid key is 16 bytes in base64.
       const std::size_t key_size = request[http::field::sec_websocket_key].size();
       if (key_size != 24) return Refuse(http::status::bad_request);
       if (static_cast<int>(server_.pages_.size()) >= kMostPages) {
@@ -370,13 +371,14 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
   http::response<http::span_body<const char>> answer_;
 };
 
-// The newest connection comes in, and the oldest without the token goes: a page shows it at once.
+// Accepts the newest connection and closes the oldest one without the token. A page sends its token
+// at once.
 void PageServer::Impl::Begin(tcp::socket socket) {
   if (unknown_.size() >= kMostUnknown) unknown_.front()->Close();
   std::make_shared<Request>(*this, std::move(socket))->Begin();
 }
 
-// A page that is gone by now leaves the set in its destructor, not here.
+// A page that has been closed leaves the set in its destructor, not here.
 void PageServer::Impl::Show(const std::string& topic, const SharedPageMessage& message) {
   topics_.Show(topic, message);
   for (Page* page : pages_) page->Add(topic, message);

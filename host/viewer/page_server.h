@@ -1,5 +1,5 @@
-// Serves the page and talks with it: HTTP and WebSocket, one thread, one loop. Boost.Beast stays in
-// page_server.cpp, because it takes long to compile.
+// Serves the page by HTTP and exchanges messages with it by WebSocket, in one thread with one loop.
+// Boost.Beast stays in page_server.cpp, because it takes long to compile.
 #pragma once
 
 #include <chrono>
@@ -15,12 +15,13 @@ namespace torquer::viewer {
 
 /// Server of the page and its WebSocket, with checks of path, host and origin.
 ///
-/// Served is `/TOKEN/`, the few files of page_files.h and those of Serve below it, to requests
-/// whose Host is this machine's loopback at the server's port, and whose Origin, where there is
-/// one, is the same. A WebSocket at `/TOKEN/bus` needs an Origin. One request a connection.
+/// It serves `/TOKEN/`, and below it the files of page_files.h and of Serve. A request's Host must
+/// be this machine's loopback at the server's port, and its Origin, if present, the same. A
+/// WebSocket at `/TOKEN/bus` needs an Origin. Each connection has one request.
 class PageServer {
  public:
-  /// Returns true if the message of a page is valid; a page that sends an invalid one is cut off.
+  /// Returns true if the message of a page is valid. A page that sends an invalid message is
+  /// closed.
   using Received = std::function<bool(PageId page, std::span<const std::uint8_t> message)>;
   using Left = std::function<void(PageId page)>;
 
@@ -33,26 +34,27 @@ class PageServer {
   /// URL that pages open: "http://127.0.0.1:PORT/TOKEN/".
   const std::string& url() const;
 
-  /// The newest of a topic, to all pages, and to those that come later. A page that is slow misses
-  /// older ones of the same topic, never the newest.
+  /// Sends the newest message of a topic to all open and later pages. A slow page misses older
+  /// messages of the topic, but never the newest.
   void ShowText(const std::string& topic, std::string text);
   void ShowBytes(const std::string& topic, std::string bytes);
-  /// The same of a topic whose name others chose, which has a place for a time (shown_topics.h).
+  /// The same for a topic whose name another program chose. It is kept for a limited time
+  /// (shown_topics.h).
   void ShowPassingText(const std::string& topic, std::string text);
 
-  /// Pages that come later do not get what was shown of this topic.
+  /// Forgets a topic: later pages do not get its last message.
   void Forget(const std::string& topic);
 
-  /// Type of a file of Serve: a picture, or a whole page. A page may contain a style and nothing
-  /// else: no script, no request.
+  /// Type of a file of Serve: a picture or a page. A page may contain styles, but no script and no
+  /// request.
   enum class ServedAs { kPicture, kDocument };
-  /// A file below `/TOKEN/`, in place of one of that name; an empty one ends it.
+  /// Sets a file below `/TOKEN/`, and replaces a file of that name. An empty file removes it.
   void Serve(const std::string& name, ServedAs as, std::string content);
 
-  /// Calls `act` whenever `file_descriptor` is readable; as often as `interval` allows.
+  /// Calls `act` whenever `file_descriptor` is readable, but not more often than each `interval`.
   void WhenReadable(int file_descriptor, std::function<void()> act);
   void Every(std::chrono::milliseconds interval, std::function<void()> act);
-  /// Until Stop, which is called from one of those. Their exceptions come out here.
+  /// Runs until one of these functions calls Stop. Throws their exceptions.
   void Run();
   void Stop();
 
@@ -60,14 +62,14 @@ class PageServer {
   std::int64_t refused() const;
   int pages() const;
 
-  static constexpr int kMostConnections = 40;  ///< requests and pages that know the token
+  static constexpr int kMostConnections = 40;  ///< requests and pages with the token
   static constexpr int kMostPages = 16;
-  /// Connections that have not shown the token; one more, and the oldest of them is closed.
+  /// Most connections without the token. One more closes the oldest of them.
   static constexpr std::size_t kMostUnknown = 16;
   static constexpr std::size_t kMostHeaderBytes = 8192;
-  /// A page that sends more of them, pings included, is cut off with the reason.
+  /// A page that sends more messages, pings included, is closed with the reason.
   static constexpr int kMostMessagesPerS = 400;
-  /// Bytes read of a connection; the rest waits at its sender.
+  /// Largest number of bytes read from a connection; the rest waits at its sender.
   static constexpr std::size_t kMostReadBytesPerS = 32'768;
 
  private:

@@ -5,12 +5,12 @@
 
 namespace torquer::viewer {
 
-/// 32 hexadecimal digits of the kernel's randomness.
+/// 32 random hexadecimal digits from the kernel.
 std::string RandomToken();
 
-/// The token in `path`, so that open pages find a viewer that was started again; where there is no
-/// such file it is made, readable by its owner alone. Throws UserError where it can neither be read
-/// nor made, where others may read it, or where it holds no token.
+/// Token in the file `path`, so that open pages find a restarted viewer. A missing file is created,
+/// readable by its owner alone. Throws UserError if it can neither be read nor created, if others
+/// may read it, or if it has no token.
 std::string KeptToken(const std::string& path);
 
 }  // namespace torquer::viewer

@@ -10,13 +10,13 @@ namespace torquer::viewer {
 
 class Playback {
  public:
-  /// A recording of length_us with wire states at the moments state_times_us, which rise or stay;
-  /// at least one, and they outlive this. Plays from the first of them.
+  /// Plays a recording of length_us from its first wire state. state_times_us: times of the states,
+  /// at least one, not decreasing; must outlive this.
   Playback(std::int64_t length_us, const std::vector<std::int64_t>& state_times_us);
 
-  /// Goes on by the time that has passed since the last call, times the speed; stops at the end.
+  /// Advances by the time since the last call, times the speed; stops at the end.
   void Advance(std::int64_t now_us);
-  /// Whoever plays at the end begins again.
+  /// At the end, playing begins again.
   void Take(const ReplayControls& controls);
 
   std::int64_t at_us() const { return at_us_; }

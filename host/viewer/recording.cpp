@@ -17,7 +17,7 @@ namespace torquer::viewer {
 namespace {
 
 constexpr const char* kRemedy = "give the file that torquer-recorder wrote";
-// Largest number of processes that report health: as many as a page shows.
+// Largest number of processes that report health, as on a page.
 constexpr std::size_t kMostTopics = 60;
 
 // If a log has fewer shapes than ticks, the page shows only the states with a shape.
@@ -46,7 +46,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
     if (log.logs() > 1) continue;
     if (!begun) first_us = record.time_us;
     begun = true;
-    // Wall clocks may be set back; what was recorded later comes later.
+    // A wall clock may be set back. The order of the records stays.
     length_us_ = std::max(length_us_, ElapsedUs(first_us, record.time_us));
     if (std::find(kChannels.begin(), kChannels.end(), record.channel) == kChannels.end()) continue;
     if (record.channel == protocol::kWireStateChannel && HasNoShape(record)) continue;
@@ -93,7 +93,8 @@ std::vector<std::uint8_t> Recording::Read(const Topic& topic, std::size_t k) con
   return bytes;
 }
 
-// Makes it where it is new; null where there are too many, of which what a session needs has half.
+// Finds or makes a topic; null if there are too many. Half of the topics are reserved for those
+// that a session needs.
 Recording::Topic* Recording::Find(const std::string& channel, const std::string& name,
                                   bool needed) {
   for (Topic& topic : topics_) {

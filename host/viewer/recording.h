@@ -1,4 +1,4 @@
-// A recorded session that can be looked at from any moment: an index of its log.
+// Index of the log of a recorded session, for access from any time.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,8 @@ namespace torquer::viewer {
 /// Messages stay in the file; memory is 24 bytes for each.
 class Recording {
  public:
-  /// Messages of which the newest says all: of one channel, or of one process that reports health.
+  /// Messages of one channel, or of one process that reports health. The newest message replaces
+  /// all before it.
   struct Topic {
     std::string channel;
     std::string name;  ///< the channel, for health with process and instrument
@@ -33,9 +34,9 @@ class Recording {
   explicit Recording(const std::string& path);
 
   const std::vector<Topic>& topics() const { return topics_; }
-  /// The wire states that have their shape; their times rise or stay, as those of all topics.
+  /// Wire states with a shape. As in all topics, the times do not decrease.
   const Topic& states() const;
-  /// From the first record, which is at 0, to the last.
+  /// Time from the first record, at 0, to the last.
   std::int64_t length_us() const { return length_us_; }
   const LogDamage& damage() const { return damage_; }
 

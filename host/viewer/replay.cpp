@@ -79,7 +79,7 @@ class Replayer {
     using namespace torquer_lcm;  // NOLINT(google-build-using-namespace)
     if (topic.channel == protocol::kWireStateChannel) {
       const auto state = Decode<wire_state_t>(bytes);
-      // By the recording's own clock, so that its latencies are shown.
+      // Uses the recording's clock, so that the page shows its latencies.
       if (state) server_.ShowBytes("state", StateFrame(*state, ForcesNow(), state->clock_id));
     } else if (topic.channel == protocol::kPictureChannel) {
       if (const auto picture = Decode<picture_t>(bytes)) {
@@ -104,7 +104,7 @@ class Replayer {
     }
   }
 
-  // The newest forces; null where there are none.
+  // The newest forces; null without forces.
   const torquer_lcm::wire_forces_t* ForcesNow() {
     for (const Recording::Topic& topic : recording_.topics()) {
       if (topic.channel != protocol::kWireForcesChannel) continue;
@@ -158,11 +158,11 @@ class Replayer {
   const Recording& recording_;
   const std::atomic<bool>& stop_;
   Playback playback_;
-  std::vector<std::size_t> shown_;  // of each topic, how many there were
+  std::vector<std::size_t> shown_;  // number of messages per topic
   std::optional<torquer_lcm::wire_forces_t> forces_;
   const HashCheck* check_ = nullptr;
   std::int64_t summary_us_ = 0;
-  PageServer server_;  // last: it calls what is above
+  PageServer server_;  // last member, because it calls the others
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A recorded session on one side, pages on the other.
+// Shows a recorded session on pages.
 #pragma once
 
 #include <atomic>
@@ -11,9 +11,9 @@
 
 namespace torquer::viewer {
 
-/// Serves pages until `stop`, and prints their URL. The recording of the file `log` is compared
-/// with `scene`, whose vessel is `frames`; null: it is not, and no vessel is shown. Returns what
-/// was found.
+/// Serves pages until `stop`, and prints their URL. Compares the recording in the file `log` with a
+/// repetition in `scene`, whose vessel is `frames`. Without a scene (null) there is no comparison
+/// and no vessel. Returns the result of the comparison.
 HashCheck::Finding RunReplay(const Recording& recording, const std::string& log,
                              int listening_socket, const std::string& token, SceneFrames frames,
                              scene::Scene* scene, const std::atomic<bool>& stop);

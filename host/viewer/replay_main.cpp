@@ -34,7 +34,7 @@ struct Arguments {
 };
 
 // Scene of the recording: the given one, or the file that the recording names, if it is unchanged.
-// Otherwise prints the reason and returns nothing.
+// Otherwise prints the reason and returns nullopt.
 std::optional<torquer::scene::SceneSpec> SceneOf(const viewer::Recording& recording,
                                                  const Arguments& arguments) {
   if (!arguments.scene.empty()) return torquer::scene::ReadScene(arguments.scene);
@@ -62,7 +62,7 @@ int Run(const Arguments& arguments) {
   const auto spec = SceneOf(recording, arguments);
   std::optional<torquer::scene::Scene> scene;
   if (spec) scene.emplace(*spec);
-  // Before signals are only noted: it may take seconds.
+  // Loads before signals are caught, because it may take seconds, and Ctrl-C must end it.
   viewer::SceneFrames frames = scene ? viewer::FramesOf(*scene) : viewer::SceneFrames{};
   const viewer::HashCheck::Finding found =
       viewer::RunReplay(recording, arguments.log, listening, viewer::RandomToken(),

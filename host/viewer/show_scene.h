@@ -14,7 +14,7 @@ struct SceneFrames {
   std::string lines;   ///< centerlines, route and target
 };
 
-/// Takes a while where the surface is made from a field.
+/// Takes seconds if the surface is made from a field.
 SceneFrames FramesOf(scene::Scene& scene);
 
 void ShowFrames(SceneFrames frames, PageServer& server);

@@ -15,9 +15,9 @@ struct PageMessage {
 };
 using SharedPageMessage = std::shared_ptr<const PageMessage>;
 
-/// Topics that the program names itself always have a place. Topics whose names others choose
-/// (processes on the bus) pass: kMostPassing of them have a place, and one that is not shown again
-/// for kPassingTime is forgotten. So they crowd out each other and nothing else.
+/// Topics of the program itself are always kept. Topics with names from other processes on the bus
+/// are passing topics. At most kMostPassing of them are kept, and each is forgotten kPassingTime
+/// after its last message. So passing topics can replace only each other.
 class ShownTopics {
  public:
   using Time = std::chrono::steady_clock::time_point;

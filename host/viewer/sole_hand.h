@@ -1,4 +1,4 @@
-// A bus has one viewer that steers, and none beside a hand that commands already.
+// Ensures that a bus has only one steering viewer, and no other sender of commands.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ class SoleHand {
   /// or the instrument that is commanded and by whom.
   explicit SoleHand(const std::string& url);
 
-  /// A daemon sends a command ten times a second at least.
+  /// Time of listening. A daemon sends a command at least ten times a second.
   static constexpr int kListenMs = 400;
 
  private:

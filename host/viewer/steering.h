@@ -1,5 +1,5 @@
-// The hand of who steers from the page: from rates to absolute commands for each instrument. No
-// I/O, no clock: the caller says what time it is, by bus::MonotonicUs(), ascending.
+// Steering from the page: integrates rates to absolute commands for each instrument. No I/O, no
+// clock: the caller passes the time of bus::MonotonicUs(), which must not decrease.
 #pragma once
 
 #include <cstdint>
@@ -17,35 +17,35 @@
 namespace torquer::viewer {
 
 /// One page steers at a time: the first that sends controls, until it is gone or has been silent
-/// for kReleaseUs. Each message of the page is valid for kSilentUs. After that nothing moves, and
-/// the pedals are up.
+/// for kReleaseUs. Each message of the page is valid for kSilentUs. After that all motion stops,
+/// and the pedals are up.
 class Steering {
  public:
   static constexpr std::int64_t kSilentUs = 300'000;
   static constexpr std::int64_t kReleaseUs = 1'000'000;
-  /// Travel of the C-arm, as that of a bench device.
+  /// Travel of the C-arm, as with a bench device.
   static constexpr double kLaoLimitRad = 1.5707963267948966;
   static constexpr double kCraLimitRad = 0.7853981633974483;
 
   explicit Steering(std::int64_t clock_id) : clock_id_(clock_id) {}
 
-  /// The instruments that there are; another list starts again.
+  /// Sets the instruments of the scene; another list starts again.
   void Add(const torquer_lcm::scene_description_t& scene);
-  /// Another simulator starts: the instruments are where its first state says, and the C-arm and
-  /// the X-ray system as at first. Who steers stays the same.
+  /// Call if another simulator starts. The instruments take the positions of its first state, the
+  /// C-arm and the X-ray system their start values. The steering page stays the same.
   void Restart();
-  /// Before the first command the instruments are where a state says.
+  /// Takes over the positions of a state before the first command.
   void Add(const torquer_lcm::wire_state_t& state);
 
-  /// False, and nothing is taken, while another page steers.
+  /// Returns false without effect while another page steers.
   bool Take(PageId page, const Controls& controls, std::int64_t now_us);
-  /// The same of what is chosen on the X-ray system, which stands until another choice.
+  /// The same for settings of the X-ray system, which hold until another choice.
   bool Take(PageId page, const effects::Imaging& imaging);
   void Leave(PageId page);
 
   /// Moves on to `now_us`.
   void Advance(std::int64_t now_us);
-  /// One for each instrument; none before a scene and a state are known.
+  /// One command for each instrument; empty before a scene and a state are known.
   const std::vector<torquer_lcm::instrument_command_t>& Commands(std::int64_t now_us);
 
   /// Null before the first choice.

@@ -1,4 +1,4 @@
-// A vessel that moves, as the page draws it: how far each of its points goes with each motion.
+// Motion of a vessel for the page: displacement of each point in each motion.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,10 +9,10 @@
 
 namespace torquer::viewer {
 
-/// The motions of a vessel, m of them.
+/// The m motions of a vessel.
 using Motions = std::vector<const effects::PeriodicMotion*>;
 
-/// Motions of a scene; none if its vessel rests.
+/// Motions of a scene; empty if its vessel rests.
 Motions MotionsOf(const scene::Scene& scene);
 
 /// Shares of a motion's displacement at points at rest: 2^m per point, one for each corner. At a
@@ -24,7 +24,7 @@ using Shares = std::vector<float>;
 /// Shares of each motion at `points_mm`.
 std::vector<Shares> SharesOf(const Motions& motions, const std::vector<Eigen::Vector3d>& points_mm);
 
-/// Position of a point while the motions are at `pulses`, 0 to 1 each. `point`: its number in
+/// Position of a point for the phases `pulses` of the motions, 0 to 1 each. `point`: its number in
 /// `shares`.
 Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Motions& motions,
                       const std::vector<Shares>& shares, std::size_t point,

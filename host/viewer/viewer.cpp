@@ -27,11 +27,11 @@
 namespace torquer::viewer {
 namespace {
 
-// Commands go out as often, a page gets a state every other time: 62 a second.
+// Period of commands. A page gets a state every second period, 62 per second.
 constexpr std::chrono::milliseconds kLiveBeat{8};
-// A reading of the bus: what the simulator published last, at 1 kHz.
+// Messages kept between two readings of the bus, on which the simulator publishes at 1 kHz.
 constexpr int kQueue = 64;
-// Instruments that are commanded; a name of any kind comes from the bus.
+// Most commanded instruments: the bus may carry any name.
 constexpr std::size_t kMostHands = 16;
 constexpr std::int64_t kHandUs = 1'000'000;
 
@@ -136,7 +136,7 @@ class Viewer {
     }
     if (const auto control = ReadCaseControl(message)) {
       if (station_ == nullptr) return false;
-      // Whoever steers is not interrupted by others.
+      // While a page steers, no other page may change the case.
       if (steering_.page().value_or(page) == page) Take(*control);
       return true;
     }
@@ -183,7 +183,7 @@ class Viewer {
             scene::Scene scene(file);
             return FramesOf(scene);
           } catch (const UserError&) {
-            return {};  // the simulator reads the same file, and says what is wrong with it
+            return {};  // the simulator reads the same file, and reports its error
           }
         }));
   }
@@ -302,7 +302,7 @@ class Viewer {
   bool skip_ = false;
   int states_ = 0;
   std::int64_t summary_us_ = 0;
-  PageServer server_;  // last: it calls what is above
+  PageServer server_;  // last member, because it calls the others
 };
 
 }  // namespace

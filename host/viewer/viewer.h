@@ -1,4 +1,4 @@
-// torquer-viewer: what is on the bus goes to pages, what pages want goes to the bus.
+// torquer-viewer: sends messages of the bus to pages, and commands of pages to the bus.
 #pragma once
 
 #include <atomic>
@@ -10,9 +10,10 @@
 
 namespace torquer::viewer {
 
-/// Sources that are shown besides the bus, and who steers. One of `frames` and `station`, or none.
+/// Sources of the page besides the bus, and its steering. At most one of `frames` and `station` is
+/// set.
 struct ViewerSetup {
-  SceneFrames frames = {};         ///< of the scene that the simulator was given
+  SceneFrames frames = {};         ///< vessel of the simulator's scene
   CaseStation* station = nullptr;  ///< starts simulators itself
   int start = -1;                  ///< case that is started at once; -1: none
   bool steer = false;              ///< pages command the instruments

@@ -29,7 +29,7 @@ export class CaseScreen {
     this.cases = cases;
     if (before === null) {
       this.fill(cases);
-      // A page with cases is for trainees.
+      // A page with cases shows the view of trainees.
       element<HTMLDetailsElement>("#developer").open = false;
     }
     if (before?.phase !== cases.phase) this.phaseMs = performance.now();

@@ -1,4 +1,4 @@
-// Short forms for the page's elements, and how numbers look.
+// Helpers for the page's elements, and formats of numbers.
 
 export function element<T extends Element>(selector: string): T {
   const found = document.querySelector<T>(selector);
@@ -16,7 +16,7 @@ export function setData(target: HTMLElement | SVGElement, name: string, value: s
 
 const UNKNOWN = "–";
 
-/** With a sign, as positions of a hand have. */
+/** Number with a sign, for positions of a hand. */
 export function signed(value: number, digits: number): string {
   if (!Number.isFinite(value)) return UNKNOWN;
   const text = value.toFixed(digits).replace("-", "−");

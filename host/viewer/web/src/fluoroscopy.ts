@@ -1,5 +1,4 @@
-// X-ray screen: the simulator's own picture with window and level, and the figures that the screen of
-// a catheter laboratory shows.
+// X-ray screen: the simulator's picture with window and level, and the figures of a screen in a catheter laboratory.
 
 import { element, Rows, seconds, setData, setText, short } from "./dom.js";
 import type { Picture, Readings } from "./frames.js";
@@ -27,7 +26,7 @@ export class Fluoroscopy {
   private level = 128; // gray that is shown as the middle
   private width = 256; // grays from black to white
   private zoom = 1;
-  private centerX = 0.5; // of the picture, what is shown in the middle
+  private centerX = 0.5; // point of the picture in the middle of the screen
   private centerY = 0.5;
   private readonly loops = new Loops();
 

@@ -16,7 +16,7 @@ export interface InstrumentState {
   rotationRad: number;
   carriedMm: number;
   carriedRad: number;
-  latencyMs: number; // not a number where it is unknown
+  latencyMs: number; // NaN if unknown
   tipMm: [number, number, number];
   nodesMm: Float32Array; // up to its tip; empty if it lies on the curve of the state
 }
@@ -33,7 +33,7 @@ export interface WireState {
   contacts: number;
   instruments: InstrumentState[];
   nodesMm: Float32Array; // x, y, z of each node
-  contactMN: Float32Array; // not a number where the scene does not measure it
+  contactMN: Float32Array; // NaN if the scene does not measure it
   depthUm: Float32Array;
 }
 
@@ -65,7 +65,7 @@ export interface Scene {
   vessel: string;
   method: string;
   effects: string[];
-  off: string[]; // effects that there are and that this scene does not name
+  off: string[]; // effects that the scene does not name
   instruments: { name: string; radius_mm: number; max_length_mm: number }[];
   min_mm: number[];
   max_mm: number[];
@@ -77,7 +77,7 @@ export interface Scene {
 export interface Lines {
   kind: "lines";
   hash: string;
-  // x, y, z of one point after the other; shares as of the vessel's vertices.
+  // x, y, z of each point in order; shares as for the vessel's vertices.
   curves: { name: string; points_mm: number[]; shares: number[][] }[];
   target: {
     at_mm: [number, number, number]; radius_mm: number; force_limit_mN: number; route_mm: number[]; route_shares: number[][];
@@ -86,7 +86,7 @@ export interface Lines {
   motions: Motion[];
 }
 
-/** How parts of the vessel go to and fro: by way_mm times pulse, which has one period. */
+/** Periodic motion of parts of the vessel: way_mm times pulse, which has one period. */
 export interface Motion {
   way_mm: [number, number, number];
   period_s: number;
@@ -110,12 +110,12 @@ export interface Readings {
   values: Record<string, number | null>; // null: not known
 }
 
-/** Settings of the X-ray system. Zero pulses and mode 0 select those of the scene. */
+/** Settings of the X-ray system. Zero pulses and mode 0 select the scene's values. */
 export interface Imaging {
   mode: number;
   pulses_per_s: number;
   magnification: number;
-  shutters: [number, number, number, number]; // left, right, top, bottom: shares covered
+  shutters: [number, number, number, number]; // left, right, top, bottom: covered fractions
 }
 
 export interface Viewer extends Imaging {
@@ -129,7 +129,7 @@ export interface Viewer extends Imaging {
   contrast: boolean;
   hands: Hand[]; // of devices; a page that steers has none
   states_per_s: number;
-  problem?: string; // simulators that are in each other's way
+  problem?: string; // several simulators on the same bus
 }
 
 /** State of one input device and its hand. */
@@ -263,7 +263,7 @@ function readVessel(view: DataView, buffer: ArrayBuffer): VesselSurface {
   };
 }
 
-/** Decodes a message. Throws if its version differs from that of this page. */
+/** Decodes a message. Throws if its version is not the version of this page. */
 export function read(data: string | ArrayBuffer): Incoming {
   if (typeof data === "string") return JSON.parse(data) as Incoming;
   const view = new DataView(data);
@@ -317,7 +317,7 @@ export function writeImaging(imaging: Imaging): ArrayBuffer {
 export interface ReplayControls {
   play: boolean;
   speed: number;
-  atS: number; // where to go on; not a number: from where it is
+  atS: number; // new position; NaN: the present position
   steps: number; // states from there
 }
 

@@ -1,5 +1,5 @@
-// A gamepad with the standard layout: the left stick pushes and turns, the right one moves the
-// C-arm, A is the X-ray, B the contrast, the right shoulder the next instrument, the left one fine.
+// Gamepad with the standard layout. The left stick pushes and turns, the right stick moves the C-arm. A is the X-ray, B
+// the contrast. The right shoulder selects the next instrument, the left shoulder fine motion.
 
 import { response } from "./pad.js";
 import type { Held, Source, Steering } from "./steering.js";
@@ -16,7 +16,7 @@ export class GamepadSource implements Source {
     steering.add(this);
   }
 
-  /** Browsers report gamepads to whoever asks: once a frame. */
+  /** Reads the gamepads, once per frame: browsers report them only on request. */
   poll(): void {
     if (!this.steering.enabled || document.hidden || !document.hasFocus()) return;
     const pad = navigator.getGamepads().find((found) => found !== null && found.mapping === "standard");
@@ -40,7 +40,7 @@ export class GamepadSource implements Source {
     const speed = pad.buttons[LEFT_SHOULDER]?.pressed === true ? FINE : 1;
     const axis = (k: number) => response(pad.axes[k] ?? 0);
     const pressed = (k: number) => pad.buttons[k]?.pressed === true;
-    // Upwards is negative on a stick; turned back to 0 so that -0 is no change.
+    // Upwards is negative on a stick. -0 becomes 0, so that it does not count as a change.
     return {
       xray: pressed(A), contrast: pressed(B),
       push: 0 - speed * axis(1), turn: speed * axis(0), lao: axis(2), cra: 0 - axis(3),

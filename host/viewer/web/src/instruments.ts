@@ -1,4 +1,4 @@
-// The instruments in the 3D view: a tube each.
+// The instruments in the 3D view, each as a tube.
 
 import * as THREE from "three";
 import type { Scene, WireState } from "./frames.js";
@@ -8,7 +8,7 @@ import { Tube, colorAt } from "./tube.js";
 const OUTER = ["#e8eef2", "#7fc7d9", "#c9a3ff", "#ffc98a"];
 const SAME_ENTRY_MM = 1e-3;
 
-/** True where a state has contact forces. */
+/** True if a state has contact forces. */
 export function measuresForces(state: WireState): boolean {
   return state.contactMN.length > 0 && !Number.isNaN(state.contactMN[0]!);
 }
@@ -29,7 +29,7 @@ function countInside(state: WireState, k: number): number {
   return state.instruments.slice(0, k).filter((_, j) => entry(j).distanceTo(at) < SAME_ENTRY_MM).length;
 }
 
-// An instrument ends at its tip: the node that is nearest to it.
+// An instrument ends at the node nearest to its tip.
 function nodesOf(state: WireState, k: number): number {
   const tip = state.instruments[k]!.tipMm;
   let [best, nearest] = [Infinity, 0];
@@ -61,7 +61,7 @@ export class Instruments {
     }
   }
 
-  /** Puts the tubes where a state has the instruments, no thinner than leastMm. */
+  /** Moves the tubes to the instruments of a state. leastMm: smallest thickness. */
   place(state: WireState, scene: Scene, leastMm: number): void {
     const measured = measuresForces(state);
     for (const [k, tube] of this.tubes.entries()) {

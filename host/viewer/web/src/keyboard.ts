@@ -11,7 +11,7 @@ const HELD = new Set([
 export class Keyboard implements Source {
   private readonly down = new Set<string>();
   private fine = false;
-  private captured = true; // whether Tab chooses instruments, or goes through the page
+  private captured = true; // true: Tab selects instruments; false: Tab moves through the page
 
   constructor(private readonly steering: Steering) {
     steering.add(this);
@@ -47,7 +47,7 @@ export class Keyboard implements Source {
     this.fine = event.shiftKey;
     if (event.code.startsWith("Arrow")) this.captured = true;
     if (event.code === "Escape") this.captured = false;
-    // A button that has the focus is pressed by the space bar.
+    // The space bar presses a focused button.
     const onButton = event.target instanceof HTMLButtonElement && !this.captured;
     if (event.code === "Tab" && this.captured) {
       event.preventDefault();

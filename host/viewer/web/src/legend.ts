@@ -1,13 +1,13 @@
-// The scale of the colors along the instruments in the 3D view.
+// Color scale of the instruments in the 3D view.
 
 import * as THREE from "three";
 import { element, setText } from "./dom.js";
 import { colorAt } from "./tube.js";
 
 export const FORCE_MN = 50; // the end of the scale
-export const DEPTH_UM = 100; // the same where the scene measures no forces
+export const DEPTH_UM = 100; // the same for a scene that does not measure forces
 
-/** Draws the scale: of contact forces where a scene measures them, else of depths in the wall. */
+/** Draws the scale of contact forces. If a scene does not measure them, draws the scale of depths in the wall. */
 export function drawLegend(measured: boolean): void {
   const scale = element<HTMLCanvasElement>("#legend canvas");
   const screen = scale.getContext("2d")!;

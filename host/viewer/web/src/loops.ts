@@ -1,11 +1,11 @@
-// Recorded fluoroscopy: the pictures of each time that the pedal was down, to be played again.
+// Recorded fluoroscopy: keeps the pictures of each pedal press as a loop that can be played.
 
 import type { Picture } from "./frames.js";
 
 const MOST_LOOPS = 8;
 const MOST_BYTES = 64e6;
-const PAUSE_S = 0.7; // between the end and the beginning again
-const GAP_S = 0.5; // pictures further apart belong to two loops: 7.5 pulses a second are 0.13 s
+const PAUSE_S = 0.7; // pause between the end and the next beginning
+const GAP_S = 0.5; // a longer pause begins a new loop; at 7.5 pulses a second pictures are 0.13 s apart
 
 export class Loops {
   private readonly loops: Picture[][] = [];
@@ -16,7 +16,7 @@ export class Loops {
   private shown = -1;
   playing = false;
 
-  /** A picture that was just taken; a held one ends the loop. */
+  /** Takes a new picture; a held picture ends the loop. */
   add(picture: Picture): void {
     if (picture.held) {
       this.ended = true;
@@ -32,7 +32,7 @@ export class Loops {
     this.playing = false;
     this.chosen = this.loops.length - 1;
     while (this.loops.length > 1 && (this.loops.length > MOST_LOOPS || this.bytes > MOST_BYTES)) this.drop();
-    // One that fills all alone loses its beginning.
+    // A single loop that fills the memory loses its beginning.
     while (this.bytes > MOST_BYTES) this.bytes -= this.loops[0]!.shift()!.jpeg.byteLength;
   }
 
@@ -47,7 +47,7 @@ export class Loops {
     return this.loops.length;
   }
 
-  /** Which one is played, from 1. */
+  /** Number of the playing loop, from 1. */
   get number(): number {
     return this.chosen + 1;
   }
@@ -74,7 +74,7 @@ export class Loops {
     this.play(nowMs);
   }
 
-  /** The picture that is due now; null where the one that was given last still is. */
+  /** The picture for the present time; null if it has not changed since the last call. */
   due(nowMs: number): Picture | null {
     const loop = this.loops[this.chosen];
     if (!this.playing || loop === undefined) return null;

@@ -1,4 +1,4 @@
-// Points of a vessel that moves with heart and breath, where they are at a time.
+// Positions of the points of a vessel that moves with heart and breath, at a given time.
 
 import type { Motion } from "./frames.js";
 
@@ -11,7 +11,7 @@ export class VesselMotion {
     return this.motions.length > 0;
   }
 
-  /** How far along its way each motion is, 0 to 1. */
+  /** Phase of each motion, 0 to 1. */
   pulses(timeS: number): number[] {
     return this.motions.map(({ period_s: periodS, phase, pulse }) => {
       const periods = timeS / periodS + phase;
@@ -22,7 +22,7 @@ export class VesselMotion {
     });
   }
 
-  /** x, y, z of points at rest to where they are; `shares`: as host/viewer/vessel_motion.h has them. */
+  /** Moves points x, y, z from rest to their present positions. `shares`: as in host/viewer/vessel_motion.h. */
   move(atRestMm: Numbers, shares: readonly Numbers[], pulses: readonly number[], out: Float32Array): void {
     out.set(atRestMm);
     const parts = this.parts(pulses);
@@ -40,8 +40,7 @@ export class VesselMotion {
     }
   }
 
-  // Weight of each corner, which has each motion at its beginning or end; the first in the lowest
-  // bit.
+  // Weight of each corner. A corner has each motion at its beginning or end; the first motion is the lowest bit.
   private parts(pulses: readonly number[]): number[] {
     return Array.from({ length: 2 ** pulses.length }, (_, corner) =>
       pulses.reduce((part, pulse, k) => part * ((corner >> k) & 1 ? pulse : 1 - pulse), 1));

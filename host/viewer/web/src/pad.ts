@@ -3,7 +3,7 @@
 import { element, setData } from "./dom.js";
 import type { Held, Source, Steering } from "./steering.js";
 
-const DEAD = 0.15; // share of the stick's travel without motion
+const DEAD = 0.15; // fraction of the stick's travel without motion
 
 /** Square of the deflection beyond the dead zone: fine near the middle. */
 export function response(deflection: number): number {

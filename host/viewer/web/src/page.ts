@@ -135,7 +135,7 @@ class Page {
     }
   }
 
-  // Disabled while the list of cases is shown: there the keys belong to the browser.
+  // Disabled while the list of cases is shown: the browser then handles the keys.
   private enableSteering(): void {
     const enabled = this.viewer?.steer === true && !this.cases.covers;
     if (enabled === this.steering.enabled) return;
@@ -173,7 +173,7 @@ class Page {
     this.choose();
   }
 
-  // While a loop is played the angles are the loop's.
+  // While a loop plays, its angles are shown.
   private setAngles(laoRad: number, craRad: number): void {
     if (!this.fluoroscopy.playing) this.fluoroscopy.setAngles(laoRad, craRad);
   }
@@ -216,7 +216,7 @@ class Page {
     this.lamp();
   }
 
-  // Level, text for the header, and a sentence across the picture while there is nothing to see.
+  // Level, text for the header, and a sentence across the picture while there is no picture.
   private session(nowMs: number): ["good" | "warn", string, string] {
     if (!this.link.open) {
       return ["warn", "No connection", "No connection to the program that serves this page. The page keeps trying. If the program was started again, open its new link."];
@@ -296,7 +296,7 @@ class Page {
   }
 
   private examine(): void {
-    // The choice of a case decides whether it is an examination, and its record says so.
+    // The choice of a case decides if it is an examination. Its record notes the choice.
     if (document.body.classList.contains("no-xray") || this.cases.newest !== null) return;
     this.examination.set(!this.examination.on, performance.now());
   }

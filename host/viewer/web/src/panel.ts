@@ -6,7 +6,7 @@ import { type Figure, History } from "./history.js";
 
 const OLD_MS = 2500; // health comes once a second
 const MOST_OTHERS = 16;
-const NONE = -Infinity; // maximum of no state, shown as unknown
+const NONE = -Infinity; // maximum without a state, shown as unknown
 const DEG = 180 / Math.PI;
 const FIGURES = {
   rate: { title: "States", unit: " /s", shown: short },
@@ -87,7 +87,7 @@ export class Panel {
 
   setHealth(health: Health, nowMs: number): void {
     this.processes.set(`${health.process}\n${health.instrument}`, { health, heardMs: nowMs });
-    // Any program may send any name: the newest of those that the session does not need stay.
+    // Any program may send any name. Of the names that the session does not need, only the newest stay.
     const others = [...this.processes].filter(([, { health: one }]) => !this.needs(one));
     others.sort(([, a], [, b]) => a.heardMs - b.heardMs);
     for (const [name] of others.slice(0, Math.max(0, others.length - MOST_OTHERS))) this.processes.delete(name);
@@ -130,7 +130,7 @@ export class Panel {
     this.problem.hidden = (viewer?.problem ?? "") === "";
   }
 
-  /** For tests: how many values each plot has. */
+  /** Number of values of each plot, for tests. */
   plotted(): Record<string, number> {
     return Object.fromEntries(
       [...this.histories].map(([name, history]) => [name, history.kept.filter((value) => value !== null).length]));

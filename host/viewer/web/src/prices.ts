@@ -1,5 +1,4 @@
-// Effects of the scene: the time each takes of a tick, as the simulator measures it, and the
-// effects that are not simulated.
+// Effects of the scene with their measured time per tick, and the effects that are not simulated.
 
 import { element, Rows, setText, short } from "./dom.js";
 import type { Health, Scene } from "./frames.js";

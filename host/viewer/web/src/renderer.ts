@@ -1,4 +1,4 @@
-// The renderer of the 3D view, and the machine that it draws on.
+// Renderer of the 3D view, and the check for a graphics card.
 
 import * as THREE from "three";
 import { element, setText } from "./dom.js";

@@ -1,12 +1,12 @@
-// A surface of fewer triangles, for who must draw without a graphics card.
+// Simplifies a surface to fewer triangles, for drawing without a graphics card.
 
 /**
- * The corners of triangles, at most `most` of them where that can be: corners that share a cell of a
- * grid become the one of them that is nearest to their middle, so that vertices stay what they are.
+ * Returns corners of triangles, at most `most` if possible. Of the corners in a cell of a grid, the one nearest to
+ * their mean replaces the others. So each vertex of the result is a vertex of the surface.
  */
 export function fewerTriangles(verticesMm: Float32Array, triangles: Uint32Array, most: number): Uint32Array {
   if (triangles.length / 3 <= most) return triangles;
-  // Two triangles for each cell that the surface goes through, or some more.
+  // About two triangles remain for each cell on the surface.
   let sideMm = Math.sqrt((2 * area(verticesMm, triangles)) / most);
   let fewer = triangles;
   for (; fewer.length / 3 > most; sideMm *= 1.15) fewer = merged(verticesMm, triangles, sideMm);

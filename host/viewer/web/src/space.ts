@@ -10,18 +10,18 @@ import { VesselMotion } from "./motion.js";
 import { drawsBySoftware, makeRenderer } from "./renderer.js";
 import { fewerTriangles } from "./simplify.js";
 
-const DRAWN_RADIUS = 0.0019; // of the distance to the camera, at least: else a whole aorta hides its wire
+const DRAWN_RADIUS = 0.0019; // smallest radius of a wire, as a fraction of its distance to the camera
 const OUTSIDE_FOV_DEG = 35;
 const INSIDE_FOV_DEG = 80;
-const BEHIND_TIP_MM = 9; // where the eye within the lumen is
+const BEHIND_TIP_MM = 9; // position of the eye within the lumen
 const FARTHEST_MIDDLE_MM = 30; // of a lumen from a wire within it
 const LINE_COLOR = "#62737f";
 const ROUTE_COLOR = "#8fd3ff";
-// Without a graphics card: drawing takes the cores that the simulator needs.
+// Limits without a graphics card, because drawing then takes cores that the simulator needs.
 const SOFTWARE_TRIANGLES = 12000;
 const SOFTWARE_FRAME_MS = 20; // from frame to frame, at least
 
-/** Drawn points that go with the vessel. */
+/** Drawn points that move with the vessel. */
 interface Moving {
   drawn: THREE.BufferAttribute;
   atRestMm: ArrayLike<number>;
@@ -59,7 +59,7 @@ export class Space {
   private state: WireState | null = null;
   private center = new THREE.Vector3();
   private sizeMm = 300;
-  private halfMm = new THREE.Vector3(100, 100, 100); // of the vessel's box, as it is seen
+  private halfMm = new THREE.Vector3(100, 100, 100); // half the size of the vessel's box in the view
   private legendMeasured = false;
   private following = false;
   private atHome = true; // true while the view shows the whole vessel, not turned by the user
@@ -114,7 +114,7 @@ export class Space {
     this.showVessel();
   }
 
-  /** Centerlines, the route and the target, of the scene that they belong to. */
+  /** Centerlines, route and target of a scene. */
   setLines(lines: Lines): void {
     this.lines = lines;
     this.showLines();
@@ -133,7 +133,7 @@ export class Space {
     return this.vessel !== null;
   }
 
-  /** Where the camera puts a point of the vessel's frame, in pixels of the canvas from its top left. */
+  /** Position of a point of the vessel's frame on the canvas, in pixels from its top left. */
   project(pointMm: [number, number, number]): [number, number] {
     this.world.updateMatrixWorld();
     const at = new THREE.Vector3(...pointMm).applyMatrix4(this.patient.matrixWorld).project(this.camera);
@@ -171,7 +171,7 @@ export class Space {
     return this.cutting;
   }
 
-  /** From behind the tip, along the wire, as an endoscope would see it. */
+  /** View from behind the tip along the wire, as in an endoscope. */
   lookFromInside(on: boolean): void {
     if (this.inside === on) return;
     if (on) this.follow(false);
@@ -193,7 +193,7 @@ export class Space {
     this.changed = true;
   }
 
-  /** Cuts away what of the vessel is in front of the tip. */
+  /** Hides the part of the vessel in front of the tip. */
   section(on: boolean): void {
     this.cutting = on;
     element("#section").setAttribute("aria-pressed", String(on));
@@ -279,7 +279,7 @@ export class Space {
     for (const [k, line] of lines.entries()) this.moving.push({ drawn: positions(line), ...points[k]! });
   }
 
-  // The vessel goes with the time of the state that is drawn.
+  // The vessel moves with the time of the drawn state.
   private moveVessel(): void {
     if (this.moving.length === 0 || this.state === null) return;
     const pulses = this.motion.pulses(this.state.timeS);
@@ -304,7 +304,7 @@ export class Space {
     return [drawn.getX(vertex), drawn.getY(vertex), drawn.getZ(vertex)];
   }
 
-  // The eye is behind the tip, and looks at it from the middle of the lumen where that is known.
+  // The eye is behind the tip, and looks at it from the middle of the lumen if that is known.
   private placeEye(): void {
     const { state } = this;
     if (state === null || state.nodesMm.length < 6) return;
@@ -321,7 +321,7 @@ export class Space {
     this.camera.lookAt(this.orbit.target);
   }
 
-  // The point of the centerlines nearest to a place; null where it is in none of their vessels.
+  // Point of the centerlines nearest to a position; null if the position is in none of their vessels.
   private nearestOnCurves(place: THREE.Vector3): THREE.Vector3 | null {
     if (this.guides.children.length === 0 || this.lines === null) return null;
     const [best, here] = [new THREE.Vector3(), new THREE.Vector3()];
@@ -353,7 +353,7 @@ export class Space {
     this.instruments.place(state, scene, leastMm);
     this.tip.position.fromArray(state.instruments[0]!.tipMm);
     this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
-    // From inside the lumen it would fill the view.
+    // Seen from inside the lumen, it would fill the view.
     this.tip.visible = !this.inside;
     this.target.scale.setScalar(Math.max(this.lines?.target?.radius_mm ?? 0, 3 * leastMm));
   }

@@ -1,6 +1,5 @@
-// Steering of the instruments: keys, the pad on the page and a gamepad, added up and sent as rates,
-// ten times a second as well as at each change, because torquer-viewer takes a page that is silent
-// for gone.
+// Steering of the instruments: sums the rates of keys, pad and gamepad, and sends them. It sends at each change and ten
+// times a second, because torquer-viewer ignores a silent page.
 
 import type { Controls } from "./frames.js";
 
@@ -21,7 +20,7 @@ export interface Held {
 
 export interface Source {
   held(): Held;
-  /** Nothing is held any more: the page has lost the keyboard, or is hidden. */
+  /** Releases all inputs, because the page has lost the keyboard or is hidden. */
   release(): void;
 }
 
@@ -57,13 +56,13 @@ export class Steering {
     if (this.instrument >= this.instruments) this.instrument = 0;
   }
 
-  /** The next instrument, or with -1 the one before. */
+  /** Selects the next instrument, or with -1 the previous one. */
   next(step: number): void {
     this.instrument = (this.instrument + this.instruments + step) % this.instruments;
     this.tell();
   }
 
-  /** Sends what is held; whoever has changed something calls it. */
+  /** Sends the held rates; call after each change. */
   tell(): void {
     if (this.enabled) this.send(this.controls());
     this.changed();

@@ -2,12 +2,12 @@
 
 import * as THREE from "three";
 
-// From no contact to much: the viridis colors, which people with any color vision can order.
+// Colors from no contact to the largest: viridis, whose order is visible with any color vision.
 const COLORS = ["#6fb7ff", "#4ac6a8", "#a5db36", "#fde725"].map((text) => new THREE.Color(text));
 const UNKNOWN = new THREE.Color("#8a959d");
 const SIDES = 8;
 
-/** Color of a share from 0, no contact, to 1; gray for not a number, which is unknown. */
+/** Color of a fraction from 0 (no contact) to 1; gray for NaN (unknown). */
 export function colorAt(share: number, out: THREE.Color): THREE.Color {
   if (Number.isNaN(share)) return out.copy(UNKNOWN);
   const place = Math.min(Math.max(share, 0), 1) * (COLORS.length - 1);
@@ -15,7 +15,7 @@ export function colorAt(share: number, out: THREE.Color): THREE.Color {
   return out.lerpColors(COLORS[index]!, COLORS[index + 1]!, place - index);
 }
 
-/** A tube along a polyline, its sides turned along without twist. */
+/** Tube along a polyline, whose sides follow it without twist. */
 export class Tube {
   readonly mesh: THREE.Mesh;
   private readonly geometry = new THREE.BufferGeometry();
