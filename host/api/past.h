@@ -1,4 +1,4 @@
-// Record of all that was done to a simulation since its start, from which it can be repeated.
+// Record of all actions on a simulation since its start, by which it can be repeated.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 namespace torquer {
 
 /// Steps and rendered pictures, encoded in bytes. Renderings count because a picture can be the
-/// mask of later ones. A copy is cheap: it shares all but the newest bytes. Copies belong to their
-/// threads independently.
+/// mask of later ones. A copy is cheap: it shares all but the newest bytes. Different threads may
+/// use copies independently.
 class Past {
  public:
   Past() = default;
@@ -47,7 +47,7 @@ class Past {
   static void Repeat(std::string_view bytes, std::size_t hands, const Actions& actions);
 
  private:
-  // Bytes that many pasts share, behind those of `before`.
+  // Bytes that many pasts share. They follow the bytes of `before`.
   struct Block {
     Block(std::shared_ptr<const Block> earlier, std::string contents)
         : before(std::move(earlier)), bytes(std::move(contents)) {}

@@ -26,7 +26,7 @@ class ScriptColumns {
  private:
   struct Column {
     std::size_t index;
-    std::size_t instrument;  // of columns that belong to one
+    std::size_t instrument;  // of columns of an instrument
     double lowest;
     double highest;
     bool whole;

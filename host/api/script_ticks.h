@@ -16,7 +16,7 @@ class ScriptTicks {
   /// `step_s` > 0; infinite: the row is one tick.
   ScriptTicks(const Command& before, const Command& row, double step_s)
       : before_(before), row_(row), step_s_(step_s) {}
-  /// Sets the next tick; returns false after the one that ends with the row.
+  /// Sets the next tick; returns false after the last tick of the row.
   bool Next(Command& tick);
   /// True after the tick that ends with the row.
   bool done() const { return done_; }

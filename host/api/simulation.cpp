@@ -249,7 +249,7 @@ std::vector<Contact> Simulation::InstrumentContacts(std::size_t instrument) cons
       NodesBefore(parts_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm);
   std::vector<Contact> all;
   const auto add = [&](int node, double penetration_mm) {
-    // Beyond its tip the curve belongs to another instrument.
+    // Beyond its tip the curve has another instrument.
     if (node <= last) all.push_back({static_cast<std::size_t>(node), penetration_mm});
   };
   parts_->simulation.VisitContacts(parts_->lent->stack().CurveOf(k), add);

@@ -33,7 +33,7 @@ struct ChannelCounters {
 };
 
 /// The URL in use when the user gives none: $LCM_DEFAULT_URL, else multicast with ttl 0. With that
-/// ttl nothing leaves this machine, and nothing from another one is received.
+/// ttl no message leaves this machine, and none from another machine is received.
 std::string DefaultUrl();
 
 /// One connection to the bus. Not copyable. Publish() may be called from any thread, everything
@@ -113,7 +113,7 @@ class Bus {
   int FileDescriptor();
 
   /// A sentence about messages refused or dropped since the last notice, with channels, counts and
-  /// senders. "" if there is nothing new, or the last notice is less than a minute old. `now_us` by
+  /// senders. "" without news, or less than a minute after the last notice. `now_us` by
   /// MonotonicUs().
   std::string TakeNotice(std::int64_t now_us);
 

@@ -63,8 +63,8 @@ std::string ClaimFolder() {
   return folder;
 }
 
-// Opens and locks; -1 when another process holds the lock. Tries again when the file was unlinked
-// between opening and locking, since a lock on it would lock nothing.
+// Opens and locks; -1 when another process holds the lock. Tries again if the file was unlinked
+// between opening and locking, because such a lock has no effect.
 int OpenLocked(const std::string& path) {
   for (;;) {
     const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
@@ -131,7 +131,7 @@ std::string NetworkIdentity() {
   return fmt::format("inode {}", status.st_ino);
 }
 
-// For messages only: the process, and what it does.
+// For messages only: the process, and its activity.
 std::string HolderOf(const std::string& path, std::string& detail) {
   std::ifstream file(path);
   std::string holder;

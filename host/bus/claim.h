@@ -43,18 +43,18 @@ class Claim {
 std::optional<int> ClaimHolder(const std::string& name);
 
 /// Sends `signal` to the process that holds the claim `name`. No other process is ever signaled,
-/// even if the claim's file is wrong or a PID has been reused. False if nobody else holds the
+/// even if the claim's file is wrong or a PID has been reused. False if no other process holds the
 /// claim, or the holder may not be signaled.
 bool SignalClaimHolder(const std::string& name, int signal);
 
 /// The file of the claim `name`.
 std::string ClaimPath(const std::string& name);
 
-/// Removes claims that nobody holds and that have not been used for a day.
+/// Removes claims without a holder that have not been used for a day.
 void RemoveStaleClaims();
 
-/// A claim's name, made of its `kind`, a part that a person can read, and a hash of `identity`,
-/// which distinguishes it from others.
+/// Name of a claim: its `kind`, a readable part, and a hash of `identity`, which distinguishes it
+/// from others.
 std::string ClaimName(const std::string& kind, const std::string& readable,
                       const std::string& identity);
 

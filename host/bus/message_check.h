@@ -12,9 +12,9 @@ namespace torquer::bus {
 
 /// True if `bytes` are exactly one message of the type `type_name` of protocol/lcm. It must start
 /// with `fingerprint`, and every text and array must be complete. Each text has one zero byte, at
-/// its end. No count is negative or above the number of bytes, and no bytes are left over. Reads
-/// nothing outside `bytes`, allocates nothing, and takes time proportional to their number, for any
-/// content. Throws std::logic_error for a type that protocol/lcm does not define.
+/// its end. No count is negative or above the number of bytes, and no bytes are left over. For any
+/// content, it reads only within `bytes`, does not allocate, and takes time proportional to their
+/// number. Throws std::logic_error for a type that protocol/lcm does not define.
 bool IsMessage(std::string_view type_name, std::int64_t fingerprint,
                std::span<const std::uint8_t> bytes);
 

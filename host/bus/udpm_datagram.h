@@ -30,7 +30,7 @@ class UdpmAssembly {
 
   Outcome Take(std::span<const std::uint8_t> datagram, const Sender& sender, Message& message);
 
-  /// Largest message that is assembled, bytes; our largest message is a tenth of it.
+  /// Largest assembled message, bytes; the largest message of Torquer is a tenth of it.
   static constexpr std::size_t kLargestMessage = std::size_t{4} << 20;
   /// Most messages assembled at a time; one more discards the oldest.
   static constexpr std::size_t kMostParts = 8;

@@ -19,7 +19,7 @@ namespace torquer::bus {
 /// Multicast group and socket options.
 struct UdpmPlace {
   sockaddr_in group{};
-  /// Accept no datagram from other machines, whatever source address it claims.
+  /// Refuse datagrams from other machines, also with a false source address.
   bool this_machine_only = true;
   int receive_buffer_bytes = 0;  ///< 0: the kernel's default
 };

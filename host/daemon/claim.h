@@ -1,7 +1,7 @@
 // Claims of a daemon: no second daemon can drive the same instrument or read the same device. An
 // instrument is claimed on one bus. Its claim also stores the last published pose, from which the
-// next daemon continues. The pose is kept in a mapped file, so that an update costs no system call,
-// and is still there when the daemon is killed at any instant.
+// next daemon continues. The pose is in a mapped file. An update costs no system call, and survives
+// if the daemon is killed at any time.
 #pragma once
 
 #include <cstdint>

@@ -28,7 +28,7 @@ struct DaemonOptions {
   bool calibration_by_serial = false;
   /// Gets the output for every report, with the device's serial number; may be empty.
   std::function<void(const std::string& device, const PipelineOutput& output)> observe;
-  /// Gets each state that is published, also while there is no device; may be empty.
+  /// Gets each published state, also without a device; may be empty.
   std::function<void(const HandState& hand)> show;
   /// Gets each announcement, one line; if empty, announcements go to standard error.
   std::function<void(const std::string& line)> announce;
@@ -41,7 +41,7 @@ class Daemon {
   Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source);
 
   /// Reads and publishes until Stop(), then reports its end on the health channel. Throws UserError
-  /// when no device is found within kFirstDeviceS, or the first one cannot be used (firmware,
+  /// if no device is found within kFirstDeviceS, or if the first one cannot be used (firmware,
   /// calibration, permission, in use by another daemon).
   void Run();
 

@@ -61,7 +61,7 @@ void HandTracker::Home() {
   base_ = {};
   axial_ = 0;
   transverse_ = 0;
-  to_heal_mm_ = 0.0;  // it belongs to motion before the new start
+  to_heal_mm_ = 0.0;  // it is from the motion before the new start
 }
 
 std::int32_t HandTracker::Doubts(const device::Sample& sample) {

@@ -47,7 +47,7 @@ struct HandState {
   bool xray = false;
   bool contrast = false;
   std::int32_t flags = 0;          ///< protocol::InstrumentFlag bits
-  std::uint16_t joystick_x = 512;  ///< as in the report; at rest while there is no device
+  std::uint16_t joystick_x = 512;  ///< as in the report; at rest without a device
   std::uint16_t joystick_y = 512;  ///< the same
   int start = 0;  ///< incremented by each Home(), which changes the zero of the positions
   std::optional<MarkPassage> mark;  ///< with the first sample after the switch has closed
@@ -73,7 +73,7 @@ class HandTracker {
   /// Takes the next sample, in order.
   HandState Step(const device::Sample& sample);
 
-  /// State to publish while there is no device: the last pose, pedals up.
+  /// State to publish without a device: the last pose, pedals up.
   HandState Hold() const;
 
   /// Makes the present position of the instrument its start, and sets the C-arm upright.

@@ -27,7 +27,7 @@ class Pipeline {
   /// A device was connected; its numbers may begin at any value.
   void OnConnected() { decoder_.OnConnected(); }
 
-  /// Processes one report. nullopt if it contains nothing new; decoder().counters() shows why.
+  /// Processes one report. nullopt without new data; decoder().counters() shows the reason.
   std::optional<PipelineOutput> OnReport(std::span<const std::uint8_t> report,
                                          std::int64_t receive_us) {
     const std::optional<device::Sample> sample = decoder_.Decode(report, receive_us);

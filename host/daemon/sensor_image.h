@@ -3,7 +3,7 @@
 //
 // The sensor forgets the image without power: when the device is plugged in, after a suspend, and
 // when the sensor or the device resets itself. `torquer-flash --srom` stores a copy for a device;
-// without a stored copy, nothing is loaded.
+// without a stored copy, no image is loaded.
 #pragma once
 
 #include <cstdint>
@@ -26,9 +26,9 @@ class SensorImage {
 
   /// True if Load() should be called now: tries are left and the sensor works.
   bool due() const { return tries_left_ > 0 && working_; }
-  /// Loads the stored image, in some 0.3 s. Returns the outcome as a sentence for the user, or
-  /// nullopt if there was nothing to do or the outcome is that of the previous try. A device that
-  /// refuses or does not answer gets at most three tries per loss. Throws device::DeviceGone.
+  /// Loads the stored image, in some 0.3 s. Returns the outcome as a sentence for the user. nullopt
+  /// if no image is due, or if the outcome is the same as before. A device that refuses or does not
+  /// answer gets at most three tries per loss. Throws device::DeviceGone.
   std::optional<std::string> Load(device::ReportSource& source);
 
   /// Number of times an image was loaded.

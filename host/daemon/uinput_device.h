@@ -1,5 +1,5 @@
-// Virtual input device for software that does not know Torquer: the bench device as an input device
-// of this machine, created by the kernel's uinput on request.
+// Virtual input device for software without support of Torquer: the bench device as an input device
+// of this machine, by the kernel's uinput.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +30,8 @@ inline constexpr double kUinputRad = 0.001;
 /// The sums of the relative axes are the motion since the first state, rounded once. No I/O.
 class BoxEvents {
  public:
-  /// The events that lead from the previous state to this one; empty if nothing changed. The first
-  /// position, and the first after a new start, produce no motion events.
+  /// Events from the previous state to this one; empty without a change. The first position, and
+  /// the first after a new start, produce no motion events.
   std::vector<BoxEvent> Of(const HandState& hand);
 
  private:
@@ -57,8 +57,8 @@ class UinputDevice {
   UinputDevice(const UinputDevice&) = delete;
   UinputDevice& operator=(const UinputDevice&) = delete;
 
-  /// Sends what has changed. A reader that is too slow loses events, and the kernel tells the
-  /// reader so; the daemon never waits.
+  /// Sends changes. A reader that is too slow loses events, and the kernel reports this to the
+  /// reader. The daemon never waits.
   void Show(const HandState& hand);
   /// Path of its device file, such as "/dev/input/event7".
   std::string path() const;

@@ -11,7 +11,7 @@ namespace torquer::plot {
 struct Axis {
   std::string label;  ///< with its unit
   bool logarithmic = false;
-  /// Ends of the axis; without, what the data need. Positive where logarithmic.
+  /// Ends of the axis; without them, the range of the data. Positive where logarithmic.
   std::optional<std::pair<double, double>> range = {};
   bool is_list = false;  ///< its numbers only keep places apart: none is drawn
 };
@@ -48,7 +48,7 @@ struct Plot {
   int height = 420;
 };
 
-/// The plot as one <svg> element that needs nothing else. Points that an axis cannot show (not
+/// The plot as one <svg> element that needs no other file. Points that an axis cannot show (not
 /// finite, or not positive on a logarithmic one) are left out; they break a line.
 std::string DrawPlot(const Plot& plot);
 

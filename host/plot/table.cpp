@@ -55,7 +55,7 @@ std::string FormatHtml(const Table& table) {
 std::string Number(double value, int digits) {
   char text[64];
   std::snprintf(text, sizeof text, "%.*g", digits, value);
-  // "%g" writes 1.2e+03 for a number of which all digits left of the point are wanted anyway.
+  // "%g" would write 1.2e+03; a figure must show all digits left of the point.
   const double size = std::abs(value);
   if (size >= 1 && size < 1e6 && size >= std::pow(10.0, digits)) {
     std::snprintf(text, sizeof text, "%.0f", value);

@@ -9,7 +9,7 @@ namespace torquer::plot {
 
 struct Table {
   std::string caption;                         ///< one line
-  std::vector<std::string> header;             ///< first column: what a row is about
+  std::vector<std::string> header;             ///< first column: subject of the row
   std::vector<std::vector<std::string>> rows;  ///< as many cells as the header has
 };
 
@@ -21,8 +21,8 @@ std::string FormatHtml(const Table& table);
 /// A number with `digits` significant digits, as people write it: "0.0125", "1230", "3.1e-07".
 std::string Number(double value, int digits = 3);
 
-/// Text with the characters that mean something in HTML and SVG replaced: for text between tags,
-/// and for values of attributes in double quotes.
+/// Escapes the special characters of HTML and SVG in a text: for text between tags, and for values
+/// of attributes in double quotes.
 std::string EscapeMarkup(std::string_view text);
 
 }  // namespace torquer::plot

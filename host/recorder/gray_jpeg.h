@@ -14,8 +14,8 @@ struct GrayPicture {
   std::vector<std::uint8_t> pixels;  ///< row by row from the top; 0 is black
 };
 
-/// Decodes the picture, or only its size. Returns nothing if the JPEG is damaged or incomplete.
-/// Each side must have 16 to 4096 pixels, otherwise nothing is returned. Colors become gray.
+/// Decodes the picture, or only its size. Returns nullopt if the JPEG is damaged or incomplete, or
+/// if a side does not have 16 to 4096 pixels. Colors become gray.
 std::optional<GrayPicture> ReadGrayJpeg(std::span<const std::uint8_t> bytes);
 std::optional<GrayPicture> ReadGrayJpegSize(std::span<const std::uint8_t> bytes);
 

@@ -68,7 +68,7 @@ Eigen::Matrix2d MotionPerCount(const std::vector<std::string>& files, const std:
   return per_count;
 }
 
-// A page and, beside it, the summary by which later pages know the session.
+// Writes a page, and the summary that later pages use beside it.
 class PageFiles {
  public:
   explicit PageFiles(const std::string& page)

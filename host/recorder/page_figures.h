@@ -57,7 +57,7 @@ class PageFigures {
   std::string TipPath() const;
   /// Length of wire over which the wall force is measured, in words.
   std::string Patch() const;
-  /// Value of a reading in the last message; nothing if absent.
+  /// Value of a reading in the last message; nullopt if absent.
   std::optional<double> Reading(const char* name) const;
 
  private:

@@ -69,8 +69,8 @@ Scale ScaleOf(const PlotPanel& panel, double top_px, double bottom_px) {
   }
   if (!(low <= high)) low = high = 0;
   if (panel.from_zero) low = std::min(low, 0.0);
-  // A limit far above all values would flatten the curves. It is then off the scale, and its label
-  // says so.
+  // A limit far above all values would flatten the curves. It is then off the scale, which its
+  // label notes.
   constexpr double kFar = 4;
   if (panel.limit && panel.limit->value <= kFar * high) high = std::max(high, panel.limit->value);
   Widen(low, high);

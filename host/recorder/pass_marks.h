@@ -9,7 +9,7 @@ namespace torquer {
 
 struct SessionReport;
 
-/// A limit, and what the session has.
+/// A limit, and the session's value.
 struct Mark {
   std::string name;             ///< key in the file, such as "largest_force_mN"
   std::string label;            ///< for people: "Largest force on the wall"
@@ -17,8 +17,8 @@ struct Mark {
   std::string limit;            ///< with its unit: "at most 300 mN"
   std::string found;            ///< with its unit; "not known"
   std::optional<double> most;   ///< largest value that passes; none for target_reached
-  std::optional<double> value;  ///< of the session; nothing: not known
-  std::optional<bool> passed;   ///< nothing: not known, as in a session that is not gradable
+  std::optional<double> value;  ///< of the session; empty: unknown
+  std::optional<bool> passed;   ///< empty: unknown, as in a session that is not gradable
 };
 
 /// All marks of a session.
@@ -26,7 +26,7 @@ struct MarkSheet {
   std::string file;         ///< with the pass marks
   std::vector<Mark> marks;  ///< in the order of the documentation
 
-  /// False if a mark is failed, true if all are passed, otherwise nothing.
+  /// False if a mark is failed, true if all are passed, otherwise nullopt.
   std::optional<bool> Passed() const;
 };
 

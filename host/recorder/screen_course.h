@@ -56,7 +56,7 @@ class ScreenCourse {
   /// are live (not held).
   ScreenMoment At(std::int64_t time_us) const;
 
-  /// Reads picture number `picture` of a plane (ScreenPlane::picture); nothing if its JPEG is
+  /// Reads picture number `picture` of a plane (ScreenPlane::picture); nullopt if its JPEG is
   /// damaged. Throws UserError if the file was changed since it was indexed.
   std::optional<GrayPicture> ReadPicture(int plane, std::int64_t picture) const;
 

@@ -16,8 +16,8 @@
 
 namespace torquer {
 
-/// Value of a reading, such as "wall_force_sum_mN". Returns nothing if the scene has no observer
-/// for it, or if the value is not known. Also returns nothing for a value beyond Series::kMost.
+/// Value of a reading, such as "wall_force_sum_mN". Returns nullopt if the scene has no observer
+/// for it, if the value is unknown, or if it is beyond Series::kMost.
 std::optional<double> FindReading(const torquer_lcm::readings_t& readings, const std::string& name);
 
 /// One instrument over time.
@@ -58,8 +58,8 @@ class SessionCourse {
 
   /// Takes the pedals from the commands of the innermost instrument.
   void Add(const torquer_lcm::instrument_command_t& command);
-  /// Adds a tick; each tick must be added only once. The tip is that of the innermost instrument,
-  /// also where another one reaches farther.
+  /// Adds a tick; each tick must be added only once. Tip of the innermost instrument, even if
+  /// another one reaches farther.
   void Add(const torquer_lcm::wire_state_t& state);
   /// Readings of a tick that was not added before do not count.
   void Add(const torquer_lcm::readings_t& readings);

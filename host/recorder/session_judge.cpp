@@ -49,8 +49,8 @@ class SessionFrame {
 
   const std::string& reason() const { return reason_; }
   std::int64_t clock_id() const { return clock_id_; }
-  // Start of the simulated time, on the grid of the rows: the publication of a state is never
-  // exactly on time, and a few us shall change nothing.
+  // Start of the simulated time, rounded to the grid of the rows. A state is never published
+  // exactly on time, and a few us must have no effect.
   std::int64_t start_us() const { return std::llround(start_us_) / kJudgeRowUs * kJudgeRowUs; }
   // Time of the newest message of the simulator.
   std::int64_t end_us() const { return end_us_; }
@@ -189,8 +189,8 @@ class Repetition {
     return message.publish_us >= frame_.start_us() && message.publish_us <= frame_.end_us();
   }
 
-  // The simulator heard nothing before its start. A command that is logged late counts from the
-  // next row on.
+  // The simulator received no command before its start. A command that is logged late counts from
+  // the next row on.
   template <class Message>
   void Take(const Message& message) {
     if (!IsWithin(message)) return;

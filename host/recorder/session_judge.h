@@ -23,8 +23,8 @@ struct SessionJudgment {
 
 /// Repeats the commands of the log at `path` as rows of a script: without a deadline, with the
 /// scene's budget for a script's tick. A row ends every kJudgeRowUs by the clock of the log. A log
-/// that does not hold all that decides the marks is not gradable. A scene without observers has
-/// nothing to judge and is not repeated. Throws UserError if the log cannot be read.
+/// that does not hold all that decides the marks is not gradable. A scene without observers has no
+/// measures and is not repeated. Throws UserError if the log cannot be read.
 SessionJudgment JudgeSession(scene::Scene& scene, const std::string& path);
 
 /// Interval between the ends of two rows, us. The hands move linearly within it.

@@ -8,7 +8,7 @@
 namespace torquer {
 namespace {
 
-// Value of an effect's key from the scene, or its default; nothing if the scene lacks the effect.
+// Value of an effect's key from the scene, or its default; nullopt if the scene lacks the effect.
 // Each effect has its own parameter type. Only the written form and the key table are common to
 // all.
 std::optional<double> NumberOf(StrictTable& effects, const std::string& effect,

@@ -26,8 +26,8 @@ struct PictureInstrument {
 struct PictureWire {
   std::vector<Eigen::Vector3d>
       nodes_mm;  ///< of the innermost curve up to its farthest tip; at least 2
-  std::vector<PictureInstrument> instruments;  ///< the innermost first; may be empty: one wire
-  std::vector<PictureContact> contacts;  ///< of the innermost curve; the legend says so if needed
+  std::vector<PictureInstrument> instruments;    ///< the innermost first; may be empty: one wire
+  std::vector<PictureContact> contacts;          ///< of the innermost curve
   std::vector<Eigen::Vector3d> tip_way_mm = {};  ///< path of the tip; may be empty
 };
 

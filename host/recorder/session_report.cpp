@@ -61,7 +61,7 @@ Distribution Distribute(std::vector<double>& values) {
 
 double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrument) {
   // Locates the published tip on the polyline. The insertion field only repeats the command, so it
-  // proves nothing.
+  // is no evidence.
   const Eigen::Vector3d tip(state.instruments[instrument].tip_mm);
   const auto& own_nodes_mm = state.instruments[instrument].nodes_mm;
   const auto& nodes_mm = own_nodes_mm.empty() ? state.nodes_mm : own_nodes_mm;
@@ -281,7 +281,7 @@ bool SessionReporter::MovedOn(const torquer_lcm::hand_motion_t& truth) const {
 void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
                                   const Eigen::Matrix2d& per_count,
                                   InstrumentReport& report) const {
-  // At the end of a session the emulator's own sensor counts are used if known: they reveal a
+  // At the end of a session the counts of the emulator's sensor are used if known: they reveal a
   // report lost at the end. A reset restarts the samples' counts, but not the emulator's. If the
   // log ends before the session, the last state shows the hand at an earlier sample. The same holds
   // if the last states have no shape.

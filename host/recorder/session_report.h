@@ -101,11 +101,10 @@ struct SessionReport {
 
   SessionCourse course;
   SolverHealth solver;  ///< of the live session
-  /// True if `readings` and `course` are those of a replay at full accuracy, not of the live
-  /// session.
+  /// True if `readings` and `course` are from a replay at full accuracy, not from the live session.
   bool judged = false;
-  bool examination = false;  ///< as the caller says; otherwise practice
-  /// Reason why the session has no marks; "": it has, or the scene has nothing to judge.
+  bool examination = false;  ///< set by the caller; otherwise practice
+  /// Reason why the session has no marks; "" if it has marks, or if the scene has no measures.
   std::string not_gradable;
   std::optional<MarkSheet> marks;  ///< none: no pass marks are set for the scene
 

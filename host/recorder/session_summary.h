@@ -37,7 +37,7 @@ struct SessionSummary {
   std::optional<double> contrast_mL;    ///< injected
   std::optional<double> tip_path_mm;    ///< from the assessment, otherwise from the course
   std::int64_t reversals = 0;           ///< of all instruments
-  std::optional<bool> passed;           ///< all pass marks; nothing: not known, or none are set
+  std::optional<bool> passed;           ///< all pass marks; empty: unknown, or no marks are set
   std::vector<SummaryMark> marks;
 
   bool operator==(const SessionSummary&) const = default;
@@ -53,7 +53,7 @@ std::string FormatSummary(const SessionSummary& summary);
 /// error.
 SessionSummary ReadSummary(const std::string& path);
 
-/// Path of the summary that belongs to `page`: "report.html" has "report.session.json" beside it.
+/// Path of the summary of `page`: "report.html" has "report.session.json" beside it.
 std::string SummaryPath(const std::string& page);
 
 /// Earlier sessions of the same scene.
@@ -69,9 +69,8 @@ struct EarlierSessions {
 
 /// Reads the summaries of earlier sessions than `now`, the session of `page`. It reads all
 /// NAME.session.json in the page's folder. In each sibling folder it reads the file named like the
-/// page's own summary. That file must belong to the same user. Sessions of other scenes, `now`
-/// itself and later sessions are excluded. Never throws UserError: unreadable files are listed in
-/// `refused`.
+/// page's own summary. The same user must own that file. Sessions of other scenes, `now` itself and
+/// later sessions are excluded. Never throws UserError: unreadable files are listed in `refused`.
 EarlierSessions ReadEarlierSessions(const std::string& page, const SessionSummary& now);
 
 }  // namespace torquer

@@ -20,10 +20,10 @@ namespace torquer::simulator {
 /// instrument sets C-arm and pedals. The newest settings of the X-ray system stay valid when their
 /// sender is silent.
 ///
-/// Each instrument, and the X-ray system, belongs to the sender that commands it. Ownership ends
-/// when no usable command of this sender has come for kOwnedUs. Until then commands of other
-/// senders and decreasing numbers are refused. Afterwards any sender and any number from 0 on is
-/// accepted. The class has no clock: the caller passes the time by bus::MonotonicUs().
+/// Each instrument and the X-ray system has one sender of commands. Ownership ends when no usable
+/// command of this sender has come for kOwnedUs. Until then commands of other senders and
+/// decreasing numbers are refused. Afterwards any sender and any number from 0 on is accepted. The
+/// class has no clock: the caller passes the time by bus::MonotonicUs().
 class LiveCommands {
  public:
   /// After this time without a command the instrument is held at its last target. Its pedals are

@@ -11,7 +11,7 @@ namespace torquer::simulator {
 /// Interval between two messages, us.
 inline constexpr std::int64_t kReadingsEveryUs = 100'000;
 
-/// Publishes Simulation::Readings(); publishes nothing in a scene without observers.
+/// Publishes Simulation::Readings(), if the scene has observers.
 class LiveReadings {
  public:
   /// Both arguments must outlive this.

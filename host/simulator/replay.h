@@ -26,9 +26,9 @@ struct ReplayResult {
 /// Repeats the wire states of an LCM log, each with its recorded command and units of work.
 /// Compares their hashes and all other fields that follow from the commands. Missing states are
 /// repeated too, if at most kMostPastInMessage in a row are missing. The shape and contacts of
-/// outlines (host/bus/state_outline.h) are not compared. Throws UserError when the log cannot be
-/// read, holds no state, has a longer gap, or belongs to another scene. `go_on`, if set,
-/// gets the result so far after each record, and stops the replay by false.
+/// outlines (host/bus/state_outline.h) are not compared. Throws UserError if the log cannot be
+/// read, has no state, has a longer gap, or is from another scene. `go_on`, if set, gets the result
+/// so far after each record, and stops the replay by false.
 ReplayResult Replay(scene::Scene& scene, const std::string& log,
                     const std::function<bool(const ReplayResult&)>& go_on = {});
 

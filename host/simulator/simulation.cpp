@@ -32,7 +32,7 @@ class RestOfBudget final : public WorkBudget {
   const int done_;
 };
 
-// Adds the report of a part of a tick to that of the parts before.
+// Adds the report of a part of a tick to the report of the previous parts.
 void AddPart(TickReport part, TickReport& sum) {
   part.actions += sum.actions;
   part.work += sum.work;

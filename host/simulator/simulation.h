@@ -76,8 +76,8 @@ class Simulation {
   /// True if the scene evolves by itself, so that ticks go on while the hands rest.
   bool is_time_dependent() const { return is_time_dependent_; }
   /// Longest tick of a script, s. At most 1 ms, as live, if the wire has inertia. The scene's
-  /// longest_tick_ms if the vessel moves or an effect evolves; its default of 5 ms is within 2 um
-  /// of 0.5 ms. Infinite if one long tick equals two short ones.
+  /// longest_tick_ms, if the vessel moves or an effect evolves. Its default of 5 ms gives shapes
+  /// within 2 um of those with 0.5 ms. Infinite if one long tick equals two short ones.
   double longest_tick_s() const;
   /// True if the wire is at rest at its targets.
   bool at_rest() const { return report_.converged && report_.arrived(); }

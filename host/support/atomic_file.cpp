@@ -56,7 +56,7 @@ std::string TemporaryName(const std::string& target) {
 std::string LinkTo(int fd) { return fmt::format("/proc/self/fd/{}", fd); }
 
 // Creates a file in the same folder. It is unnamed if the file system supports that, so that a
-// killed process leaves nothing. Otherwise it has a new name. Returns the descriptor, or -1 with
+// killed process leaves no file. Otherwise it has a new name. Returns the descriptor, or -1 with
 // errno.
 int CreateBeside(const std::string& target, std::string& temporary) {
   int fd = open(FolderOf(target).c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0666);

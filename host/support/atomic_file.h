@@ -11,7 +11,7 @@ namespace torquer {
 
 /// A file that is written beside its final name and takes that name with Finish(). Until then the
 /// old file under that name stays unchanged, even after a power cut or a signal. An unfinished file
-/// leaves nothing behind. Only on a file system without unnamed files a killed process leaves
+/// is removed. Only on a file system without unnamed files a killed process leaves
 /// `.torquer-PID-N.tmp`.
 ///
 /// Only ordinary files are replaced. If the path is a symbolic link, its target is replaced and the

@@ -25,7 +25,7 @@ class ChildProgram {
   /// Exit status, or 128 + signal; empty while the program runs. Does not wait.
   std::optional<int> Ended();
 
-  /// Sends SIGTERM or SIGKILL to the program; does nothing if it has ended.
+  /// Sends SIGTERM or SIGKILL to the program, unless it has ended.
   void Signal(int signal) const;
 
   /// Last part of the output, up to `most_bytes`; "" if it cannot be read.

@@ -5,7 +5,7 @@
 
 namespace torquer {
 
-/// Something that the user gave, or that a device did, cannot be used. what() is one or more
+/// Error for input of the user, or behavior of a device, that cannot be used. what() is one or more
 /// sentences that name the file, line or field, the value, and the remedy. Programs print it and
 /// exit with kExitUserError (host/support/program.h).
 class UserError : public std::runtime_error {

@@ -1,4 +1,4 @@
-// Installation paths of the files that belong to a program or a library.
+// Installation paths of the files of a program or a library.
 #pragma once
 
 #include <filesystem>

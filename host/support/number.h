@@ -9,7 +9,7 @@
 namespace torquer {
 
 /// Parses a finite decimal number that is all of `text`, such as "-1.5", "+2" or "1e-3". Returns
-/// nothing for other texts ("", "1 mm", "nan", "0x10", "1e999").
+/// nullopt for other texts ("", "1 mm", "nan", "0x10", "1e999").
 inline std::optional<double> ParseNumber(std::string_view text) {
   // std::from_chars takes no plus sign.
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);

@@ -120,7 +120,7 @@ std::string DidYouMean(const std::string& given, const std::vector<std::string>&
   return near.empty() ? "" : fmt::format("; did you mean {}?", near);
 }
 
-// Refuses words that belong to no option or operand.
+// Refuses words that are neither options nor operands.
 [[noreturn]] void RefuseExtras(const OptionTable& table, const std::vector<std::string>& extras) {
   const auto option = std::find_if(extras.begin(), extras.end(), [](const std::string& word) {
     return word.starts_with('-') && word.size() > 1;

@@ -31,7 +31,7 @@ class UsageError : public UserError {
   using UserError::UserError;
 };
 
-/// Completions for a value: nothing, files or folders.
+/// Completions for a value: none, files or folders.
 enum class ValueKind { kText, kFile, kFolder };
 
 struct OptionTable;

@@ -8,8 +8,8 @@ namespace torquer {
 /// UserError naming the limit that forbids it, and the remedy.
 void EnterRealtime();
 
-/// Makes this thread an ordinary one again, for work that may take longer than a tick. Does nothing
-/// without EnterRealtime.
+/// Makes this thread an ordinary one again, for work that may take longer than a tick. Has no
+/// effect without EnterRealtime.
 void LeaveRealtime() noexcept;
 
 }  // namespace torquer

@@ -1,4 +1,4 @@
-// Guards an object that belongs to one thread at a time.
+// Guards an object that only one thread may use at a time.
 #pragma once
 
 #include <atomic>

@@ -12,7 +12,7 @@ std::string DefaultSocketPath();
 
 /// Default path of a file about the device with this serial number: the number with `ending`
 /// (".toml"). The folder is "torquer" in $XDG_CONFIG_HOME, or in ~/.config without that variable.
-/// Returns nothing if neither names a folder.
+/// Returns nullopt if neither names a folder.
 std::optional<std::string> DeviceFilePath(const std::string& serial, const std::string& ending);
 
 }  // namespace torquer

@@ -10,8 +10,8 @@
 //   quit                             give up, as Ctrl-C does
 //
 // With --source, `mark` waits until the hand has moved by 100 counts since the last mark of the
-// step and has rested for 0.3 s. `skip` waits for its step. Without --source nothing waits, and the
-// script moves its own device with readings every millisecond. Its first statement names this
+// step and has rested for 0.3 s. `skip` waits for its step. Without --source no step waits, and the
+// script moves a simulated device with readings every millisecond. Its first statement names this
 // device:
 //
 //   device SERIAL CPI

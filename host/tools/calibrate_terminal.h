@@ -24,7 +24,7 @@ class Terminal {
 
   /// Prints a permanent line above the status line.
   void Print(const std::string& line);
-  /// Replaces the status line; does nothing if standard output is not a terminal.
+  /// Replaces the status line, if standard output is a terminal.
   void Change(const std::string& line);
 
   /// Columns of the terminal; 80 if there is no terminal.

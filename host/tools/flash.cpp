@@ -25,7 +25,7 @@ namespace {
 using torquer::tools::FlashImage;
 using torquer::tools::FlashRequest;
 
-// Progress bar on one line; prints nothing if standard output is not a terminal.
+// Progress bar on one line, if standard output is a terminal.
 class ProgressBar {
  public:
   ~ProgressBar() { Break(); }

@@ -1,4 +1,4 @@
-// Board interface of torquer-flash: boards on the USB, and feature reports of our own boards.
+// Board interface of torquer-flash: boards on the USB, and feature reports of Torquer's boards.
 // libusb implements it, and in tests the emulator.
 #pragma once
 

@@ -62,8 +62,8 @@ class FlashProcedure {
  public:
   FlashProcedure(Boards& boards, FlashRequest request, FlashHooks hooks);
 
-  /// Runs the procedure; returns nothing after a dry run. On failure it throws UserError if nothing
-  /// was changed, otherwise FlashUnfinished. Another run continues from there.
+  /// Runs the procedure; returns nullopt after a dry run. On failure it throws UserError if the
+  /// board is unchanged, otherwise FlashUnfinished. Another run continues from there.
   std::optional<FlashOutcome> Run();
 
   /// Loads the sensor vendor's image from the file `path` into the board's sensor. Keeps a copy for
@@ -73,8 +73,8 @@ class FlashProcedure {
   int LoadSensorImage(const std::string& path);
 
   /// Sets the contacts that are closed at rest (protocol::Button bits), such as a sustain pedal.
-  /// The board keeps them; it must run our firmware. Changes nothing in a dry run. Throws UserError
-  /// with the board and the remedy.
+  /// The board keeps them; it must run our firmware. A dry run does not change the board. Throws
+  /// UserError with the board and the remedy.
   void SetClosedAtRest(std::uint8_t buttons);
 
  private:

@@ -19,8 +19,8 @@ struct FocusSeries {
 /// Shows pictures on a terminal until q is pressed or `stop` is set; without a terminal a few are
 /// taken. The last picture is written as PNG to `png_path`, unless that is "". With `series`, the
 /// sharpness is added to its file, and the focus is sought among all heights there. Returns true if
-/// the verdict is good and, with `series`, the surface in focus. Throws UserError if there is no
-/// device, no picture, or the file is no series.
+/// the verdict is good and, with `series`, the surface in focus. Throws UserError without a device
+/// or picture, or if the file is not a series.
 bool ShowFocus(device::ReportSource& source, const std::string& png_path,
                const std::optional<FocusSeries>& series, const std::atomic<bool>& stop);
 

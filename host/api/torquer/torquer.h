@@ -10,10 +10,10 @@
 //   }
 //   simulation.nodes_mm();  // shape of the wire
 //
-// Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s. Positions are in
-// the frame of the vessel's file. The same commands give the same states, bit for bit. One
-// simulation belongs to one thread at a time, and refuses a second one. Simulations of one scene
-// may run in parallel threads.
+// Lengths are in mm, angles in rad, angles of the C-arm in degrees, times in s. Positions are in
+// the frame of the vessel's file. The same commands give the same states, bit for bit. Only one
+// thread may use a simulation at a time; a second one is refused. Simulations of one scene may run
+// in parallel threads.
 #pragma once
 
 #include <array>
@@ -42,8 +42,8 @@ TORQUER_API const char* Version();
 /// find other states.
 TORQUER_API std::string Build();
 
-/// Error of all calls here: an argument or a file cannot be used. what() names the file, line or
-/// field, the value and the remedy. A call that throws it has changed nothing.
+/// Error of all calls here: an argument or a file is not usable. what() names the file, line or
+/// field, the value and the remedy. A call that throws it has no other effect.
 class TORQUER_API Error : public std::runtime_error {
  public:
   explicit Error(const std::string& message);
@@ -144,7 +144,7 @@ class TORQUER_API Scene {
 
   /// Caches the part of the vessel's field built so far, for the next program that opens the scene.
   /// The last copy of the scene does so when it is destroyed. Returns the reason of a failure;
-  /// empty after success, or if there is nothing new.
+  /// empty after success, or without new data.
   std::string KeepField() const;
 
   /// Minimum and maximum corner of a box around the vessel.
@@ -272,12 +272,12 @@ class TORQUER_API Simulation {
   Simulation& operator=(Simulation&&) noexcept;
   ~Simulation();
 
-  /// Bytes from which Load makes this simulation again. They have the commands since the start.
+  /// Bytes from which Load restores this simulation. They have the commands since the start.
   std::string Save() const;
-  /// Makes a saved simulation again, by repeating its commands. `scene` has the contents of the
-  /// saved one's. The result continues as the saved one does, bit for bit; this is checked by the
-  /// hash of the state. `after_tick` is called after each tick, and ends the work if it throws.
-  /// Refuses damaged bytes, and those of another Build().
+  /// Makes a saved simulation again, by repeating its commands. `scene` must have the contents of
+  /// the saved simulation's scene. The result continues as the saved one does, bit for bit; this is
+  /// checked by the hash of the state. `after_tick` is called after each tick, and ends the work if
+  /// it throws. Refuses damaged bytes, and those of another Build().
   static Simulation Load(const Scene& scene, const std::string& saved,
                          const std::function<void()>& after_tick = {});
 
@@ -304,7 +304,7 @@ class TORQUER_API Simulation {
   /// Nodes of the combined wire of all instruments: x, y, z of each, from the entry point to the
   /// tip. Has node_count() * 3 values, valid until the next step, restart or assignment. With
   /// [effects.clearance] or [instrument.entry] the instruments lie on several curves. These are
-  /// then the nodes of the one that reaches farthest, and another step may make it another one.
+  /// then the nodes of the curve that reaches farthest, which may change in a step.
   const double* nodes_mm() const;
   std::size_t node_count() const;
   /// Nodes of an instrument, from its entry point to its tip, on whichever curve it lies; number

@@ -136,7 +136,7 @@ class Evolution {
   virtual void Advance(const TickView& tick) = 0;
 };
 
-/// Role *observer*: reads the relaxed state, changes nothing.
+/// Role *observer*: reads the relaxed state, without changing it.
 class Observer {
  public:
   virtual ~Observer() = default;

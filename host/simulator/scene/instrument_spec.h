@@ -45,7 +45,7 @@ struct InstrumentSpec : TableSpec {
 const Keys<InstrumentSpec>& InstrumentKeys();
 /// Subset of InstrumentKeys() that describes the build; a device of the library has these keys.
 const Keys<InstrumentSpec>& BuildKeys();
-/// Reads an [[instrument]]: the values of the device, overridden by those of the table. Throws
+/// Reads an [[instrument]]: the device's values, replaced by the values of the table. Throws
 /// UserError.
 InstrumentSpec ReadInstrument(StrictTable& table);
 /// Writes the values that differ from the device, or from the defaults if there is no device.

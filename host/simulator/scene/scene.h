@@ -46,7 +46,7 @@ class Scene {
   const std::string& name() const { return spec_.name; }
   const vessel::Vessel& vessel() const { return vessel_; }
   /// Saves the vessel's built field for the next run (MeshVessel::SaveCache). Returns the reason of
-  /// a failure, otherwise empty; a vessel without a surface has nothing to save.
+  /// a failure, otherwise an empty text. For a vessel without a surface it has no effect.
   std::string KeepField() const;
   const vessel::PatientAxes& axes() const { return axes_; }
   const InstrumentStack& stack() const { return *stack_; }
@@ -83,7 +83,7 @@ class Scene {
   std::unique_ptr<Relaxation> MakeRelaxation(const StandIn& stand_in);
   /// Places of the instruments at the start.
   InstrumentPoses start() const;
-  /// Wire at the start: nothing inserted, or laid along the start path and relaxed.
+  /// Wire at the start: without insertion, or laid along the start path and relaxed.
   WireState MakeStart(Relaxation& relaxation) const;
 
  private:

@@ -16,7 +16,7 @@ using kernel::kCells;
 
 namespace {
 
-constexpr double kTopCellAtLeastMm = 10;  // coarser levels would save nothing
+constexpr double kTopCellAtLeastMm = 10;  // coarser levels would not save memory
 
 void Check(const Eigen::AlignedBox3d& bounds_mm, const BrickFieldOptions& options) {
   std::ostringstream text;

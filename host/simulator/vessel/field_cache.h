@@ -36,7 +36,7 @@ struct CachedField {
   std::shared_ptr<const void> memory;  ///< owns the bricks' memory
 };
 
-/// Opens a cache file and marks it as used. Returns nothing if it is missing, damaged, of another
+/// Opens a cache file and marks it as used. Returns nullopt if it is missing, damaged, of another
 /// key or version, or if another user may have written it. `why` receives the reason; it is empty
 /// on success and for a missing file.
 std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKey& key,

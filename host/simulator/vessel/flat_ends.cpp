@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Smaller parts are no ends of vessels.
+// Smaller parts are not ends of vessels.
 constexpr double kSmallestEndMm = 0.4;
 // Least cosine between two faces of one flat part: 2 degrees.
 constexpr double kFlat = 0.9994;

@@ -27,7 +27,7 @@ namespace {
 constexpr double kNegligibleShare = 0.01;
 // Largest share of a surface that may enclose a volume inside out: folds of a rough wall.
 constexpr double kMostInverted = 0.05;
-// Largest share of a surface that may be sheets; with more, the rest would be no vessel.
+// Largest fraction of sheets in a surface; with more, the rest would not be a vessel.
 constexpr double kMostOfNothing = 0.3;
 // Share of the diagonal: surfaces within this distance lie on one another.
 constexpr double kContactPerDiagonal = 1e-7;
@@ -36,7 +36,7 @@ constexpr double kMovePerDiagonal = 5e-6;
 constexpr int kAttempts = 3;
 // Share of a surface that counts as rounding.
 constexpr double kNoShare = 1e-9;
-// Share of it below which nothing is said: a percentage would have no digit after rounding.
+// Fraction below which no message follows, because its rounded percentage would be 0.
 constexpr double kLeastSaid = 1e-6;
 // A region is a sheet if its winding numbers deviate on average more than this from integers.
 constexpr double kSheet = 0.25;
@@ -103,8 +103,8 @@ std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
   return regions;
 }
 
-// Mean distance of the winding numbers beside a region from integers. It is 1/2 for a sheet that
-// encloses nothing, and near 0 for a wall.
+// Mean distance of the winding numbers beside a region from integers. It is 1/2 for a sheet, which
+// encloses no volume, and near 0 for a wall.
 double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
                   const SurfaceRegion& region) {
   const size_t stride = region.faces.size() / kSheetSamples + 1;
@@ -168,7 +168,7 @@ size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& lef
 // Verdict on the faces of a surface.
 struct Verdict {
   std::vector<char> keep;
-  // Areas: walls that enclose nothing, walls within the lumen, walls inside out, all walls.
+  // Areas: sheets, walls within the lumen, walls inside out, all walls.
   double nothing = 0, within = 0, inverted = 0, total = 0;
   size_t where_within = 0, where_inverted = 0;
 };

@@ -44,7 +44,7 @@ std::vector<std::vector<int32_t>> BoundaryLoops(const TriangleMesh& mesh) {
   while (!onward.empty() || !way.empty()) {
     if (way.empty()) way.push_back(onward.begin()->first);
     const auto step = onward.find(way.back());
-    // A border that runs into an edge of several faces belongs to a sheet; no cap closes it.
+    // A border that runs into an edge of several faces is the border of a sheet, which gets no cap.
     if (step == onward.end()) {
       way.pop_back();
       continue;

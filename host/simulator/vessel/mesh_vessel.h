@@ -41,7 +41,7 @@ class MeshVessel {
   const std::vector<std::string>& cache_findings() const { return cache_findings_; }
   bool from_cache() const { return from_cache_; }
 
-  /// Saves the built field for the next run. Does nothing without a folder, or without new results
+  /// Saves the built field for the next run. Has no effect without a folder, or without new results
   /// since the opening or the last call. Safe concurrently with look-ups. Returns the reason of a
   /// failure, otherwise empty: a run without a cache starts slower, but is correct.
   std::string SaveCache() const;

@@ -1,11 +1,11 @@
-// OBJ file: what a surface needs of it.
+// OBJ file: reads the parts that a surface needs.
 #pragma once
 
 #include <string>
 
 namespace torquer::vessel {
 
-/// The vertices and faces of an OBJ file as another one, which names no other file: without
+/// Copies the vertices and faces of an OBJ file, so that the result needs no other file. It omits
 /// objects, groups, materials, normals, texture coordinates, points and lines. Lines that a
 /// backslash continues are joined. Takes time in proportion to the file's size; assimp's grows with
 /// the square of the number of objects, groups and materials.

@@ -28,8 +28,8 @@ struct TubeVessel {
 /// along +x into a crossbar. The crossbar's main side leaves 75 degrees off the stem, its other
 /// side 105. The main side bends by 30 degrees; after 80 mm, two children leave it at 30 degrees
 /// each. The main path ("main": stem, main side, one child) is about 284 mm long. The other curves
-/// are "side" (the crossbar's other side) and "child" (the other child). The main side's bend leads
-/// out of the stem's plane, so nothing is planar by accident.
+/// are "side" (the crossbar's other side) and "child" (the other child). The bend of the main side
+/// leaves the stem's plane, so that no part of the phantom is planar by accident.
 TubeVessel MakeTyPhantom();
 
 /// A straight tube from the origin along +x, its centerline length_mm long.

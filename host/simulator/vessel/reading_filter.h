@@ -4,8 +4,8 @@
 namespace torquer::vessel {
 
 /// Limits this process to its memory, its open files and its end. Every other system call fails
-/// with EPERM: it cannot open, connect, start or signal anything else. Returns false and changes
-/// nothing if the kernel has no such filter.
+/// with EPERM: it cannot open, connect, start or signal anything else. Returns false without effect
+/// if the kernel has no such filter.
 bool AllowOnlyReading();
 
 }  // namespace torquer::vessel

@@ -33,15 +33,15 @@ class Region {
                      double edge_mm);
 
   double Weight(const Eigen::Vector3d& point_mm) const;
-  /// Weight and derivatives. Returns false and leaves `out` untouched if all of them are zero.
+  /// Weight and derivatives. Returns false and does not write `out` if all of them are zero.
   bool Evaluate(const Eigen::Vector3d& point_mm, RegionWeight& out) const;
   /// Upper bound of the gradient's length, 1/mm.
   double SteepestSlope() const;
 
   /// True if a point with a weight above 1/2 was found in the lumen (clearance > 0). Searches the
   /// centerlines and grids about the region's balls; for a side, a grid in `bounds_mm`.
-  /// `comparisons` receives how often a point was compared with a group of balls, unless it is
-  /// null; along a stretch, the number grows with its length.
+  /// `comparisons`, unless null, receives the number of comparisons of a point with a group of
+  /// balls. Along a stretch, it grows with the length.
   bool MeetsLumen(const ClearanceField& field, const CenterlineNetwork& centerlines,
                   const Eigen::AlignedBox3d& bounds_mm, std::int64_t* comparisons = nullptr) const;
 

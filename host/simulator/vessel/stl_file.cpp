@@ -133,7 +133,7 @@ TriangleMesh ParseBinary(const std::string& contents, const std::string& path, d
                              "is cut short, or no STL file: export it again",
                              *count, room / kFacetBytes));
   }
-  // With less than one triangle behind the last, nothing of the surface can be missed.
+  // If less than one triangle follows the last one, the surface is complete.
   if (room - wanted >= kFacetBytes) {
     Refuse(path, fmt::format("{} bytes follow the {} triangles that the header announces, enough "
                              "for further ones; export it again as one surface",

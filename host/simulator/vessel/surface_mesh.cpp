@@ -93,7 +93,7 @@ void MeasureWidth(const TriangleBvh& surface, MeshReport& report) {
   }
 }
 
-// Direction of the wall near an opening: the one that its normals avoid.
+// Direction of the wall near an opening: the direction across its normals.
 Vector3d InwardAxis(const TriangleMesh& mesh, const Opening& opening) {
   Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
   for (size_t i = 0; i < mesh.triangles.size(); ++i) {

@@ -39,7 +39,7 @@ struct MeshReport {
   size_t slivers_repaired = 0;
   size_t crossed_edges = 0;  ///< edges of four or more faces that were kept
   size_t intersections = 0;  ///< pairs of faces that cut through one another
-  double left_out_mm2 = 0;   ///< walls within the lumen, and sheets that enclose nothing
+  double left_out_mm2 = 0;   ///< walls within the lumen, and sheets
   bool was_inward = false;   ///< normals pointed into the lumen
   bool was_shell = false;    ///< the file held a wall with thickness; its lumen was taken
   /// Share of the surface that looks into a tube: about 0 for a lumen, about 0.4 for a shell.
@@ -62,10 +62,10 @@ struct SurfaceMesh {
 /// MeshUnit; empty if none fits. Only for proposals: a scene declares its unit.
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file);
 
-/// Throws UserError that begins with `name` if the diagonal of a surface in mm is outside 5 to 4000
-/// mm, and names the units in which the file's coordinates would be a vessel; `unit`: the one that
-/// they were multiplied by. Also throws if it lies over 1e6 mm from the origin: its coordinates are
-/// then coarse.
+/// Throws UserError if the diagonal of a surface, in mm, is outside 5 to 4000 mm. The message
+/// begins with `name`, and names the units in which the file's coordinates would be a vessel.
+/// `unit`: the declared unit of the file. Also throws if it lies over 1e6 mm from the origin: its
+/// coordinates are then coarse.
 void CheckSize(const TriangleMesh& mesh, const std::string& name, MeshUnit unit);
 
 /// Weld tolerance, mm: vertices of a surface that are nearer to one another are merged.

@@ -84,7 +84,7 @@ class Splitter {
   }
   bool HasPlane(int32_t face) const { return mesh_.DoubleArea(face).norm() > 0; }
 
-  // Part of face `other` in the plane of `face`, clipped to `face`: nothing or a segment. If both
+  // Part of face `other` in the plane of `face`, clipped to `face`: a segment, or nullopt. If both
   // lie in one plane, the edges of `other`.
   std::vector<Cutter> CuttersBy(int32_t face, int32_t other) const {
     const Plane plane = PlaneOf(face), cutting = PlaneOf(other);

@@ -13,8 +13,8 @@ namespace torquer::vessel {
 /// within twice tolerance_mm (above 0) of one another are merged.
 ///
 /// Every triangle is cut by the planes of those that pass through it. Triangles in one plane are
-/// cut by each other's edges. Returns nothing if there are too many cuts or pieces: the input is no
-/// surface.
+/// cut by each other's edges. Returns nullopt for too many cuts or pieces, because the input is
+/// then not a surface.
 std::optional<TriangleMesh> SplitAtIntersections(const TriangleBvh& surface, double tolerance_mm);
 
 }  // namespace torquer::vessel

@@ -332,7 +332,7 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
   Vector3d gradient;
   Matrix3d hessian;
   for (const TubeData& tube : tubes_) {
-    // A later tube changes nothing if all its spheres stay below the blend.
+    // A later tube has no effect if all its spheres stay below the blend.
     const double least = first ? kNoTube : value - union_width_mm_;
     const double reach = tube.ball_radius - least;
     if (reach <= 0 || (p - tube.ball_center).squaredNorm() > reach * reach) continue;

@@ -35,7 +35,7 @@ std::vector<TubeField::NearTube> TubeField::FindNear(const Vector3d& center,
     const double largest = *std::max_element(values.begin(), values.end());
     const double apart = union_width_mm_ + change_mm;
     if (!near.empty() && largest < value - apart) continue;
-    // The tubes before this one change nothing if it exceeds them by more than the union width.
+    // The earlier tubes have no effect if this tube exceeds them by more than the union width.
     if (!near.empty() && largest > value + apart) near.clear();
     value = near.empty() ? largest : Blend(value, largest);
     near.push_back({tube.round_mm, {}});

@@ -31,8 +31,8 @@ struct Vessel {
   Eigen::AlignedBox3d bounds_mm;
   std::string description;            ///< one line
   std::vector<std::string> findings;  ///< findings and repairs, one sentence each
-  /// Bytes of its files as parsed, surface first. They distinguish this vessel from one that a file
-  /// of the same name gave at another time. Scene drops them.
+  /// Bytes of its files as parsed, surface first. They distinguish this vessel from another version
+  /// of the same file. Scene drops them.
   std::vector<std::string> contents;
 
   /// The field that the wire looks up.

@@ -4,15 +4,16 @@
 // contact points and fixed to the instrument's material. s is the displacement of a spot from its
 // anchor in the plane of contact. N is the normal force at the start of the part. The force is that
 // of StickSlip with the limit mu N. After the part, an anchor farther away than the slip length d
-// follows to the distance d. So the force stays unchanged, and nothing creeps while it sticks.
+// follows to the distance d. So the force stays unchanged, and the contact does not creep while it
+// sticks.
 //
 // A part is the motion that the relaxation performs at once (0.25 mm). So the path of the wire does
 // not depend on the length of a tick or on the end of its budget. The surface slides: turning an
 // instrument moves it around, feeding moves it along, and both share one cone. If the vessel moves,
 // the anchors move with their places on the wall.
 //
-// The contact points are those of the rod, and they are the spots of the leader. Spots of other
-// instruments lie between them and share the contact forces of the points on either side.
+// The spots of the leader are the contact points of the rod. Spots of other instruments lie between
+// them and share the contact forces of the points on either side.
 //
 //   contact points, moving with the leader      |------o------|------o------|--->
 //   spots of a catheter at rest around it           x------x------x------x
@@ -110,7 +111,7 @@ class Friction final : public Effect, public EnergyTerm, public ContactTerm {
   const vessel::MovingField* const moving_;  ///< null for a vessel at rest
   std::size_t stride_;                       ///< number of spots of an instrument
   std::vector<Anchor> anchors_;
-  std::vector<LocalFrame> local_frames_;  ///< by spot; empty if nothing twists
+  std::vector<LocalFrame> local_frames_;  ///< by spot; empty without twist
   std::vector<Press> presses_;            ///< by spot; set by FindPresses
   std::vector<Spots> on_curves_;          ///< by curve
 };

@@ -60,7 +60,7 @@ class FrictionBetween final : public Effect,
 
   // Anchors on a curve.
   struct OnCurve {
-    std::vector<Anchors> anchors;  // by segment from the tip; empty if nothing twists
+    std::vector<Anchors> anchors;  // by segment from the tip; empty without twist
     int anchored = 0;              // anchors beyond this many are blank
 
     Anchors& At(const PointSet& points, int segment) {

@@ -23,7 +23,7 @@ class Latest {
   }
   /// Value that the reader fetched last.
   const Value& Held() const { return values_[held_]; }
-  /// Copies the slots of `other`. No thread may write or read either meanwhile.
+  /// Copies the slots of `other`. No thread may write or read either of them meanwhile.
   void CopyFrom(const Latest& other) {
     values_ = other.values_;
     draft_ = other.draft_;

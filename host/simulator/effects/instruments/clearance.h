@@ -5,8 +5,8 @@
 
 namespace torquer::effects {
 
-/// Readings of the contact in the lumen. The curves and their coupling belong to the core
-/// (core/README.md section 18).
+/// Readings of the contact in the lumen. The core has the curves and their coupling (core/README.md
+/// section 18).
 class ClearanceObserver final : public Effect, public Observer {
  public:
   Observer* observer() override { return this; }

@@ -5,7 +5,7 @@
 
 namespace torquer::effects {
 
-/// Reading of the contact of each curve with itself. The pairs and their springs belong to the core
+/// Reading of the contact of each curve with itself. The core has the pairs and their springs
 /// (core/README.md section 18).
 class SelfContactObserver final : public Effect, public Observer {
  public:

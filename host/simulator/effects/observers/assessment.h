@@ -25,9 +25,10 @@ struct AssessmentTask {
   int instrument = 0;              ///< the instrument whose hand and tip are assessed
 };
 
-/// Measures of a session. Hand and tip are those of one instrument, whichever reaches farthest. The
-/// force is that of all instruments. The tip and the force count only in ticks that converged, so
-/// their measures are unknown (NaN) until then. The hand and the pedals count in all ticks.
+/// Measures of a session. Hand and tip are those of the task's instrument, even if another one
+/// reaches farther. The force is the largest of all instruments. The tip and the force count only
+/// in ticks that converged, so their measures are unknown (NaN) until then. The hand and the pedals
+/// count in all ticks.
 class Assessment final : public Effect, public Observer {
  public:
   /// `rod`: that of all instruments. `moving`: the moving vessel, or null; the tip's path is

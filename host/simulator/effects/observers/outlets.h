@@ -1,5 +1,5 @@
-// Outlets of the vessel: an instrument that reaches one leaves the model and is held there, as if
-// its further part lay in the vessels behind.
+// Outlets of the vessel. An instrument that reaches one leaves the model and is held there, as if
+// its next part were in the vessels behind.
 #pragma once
 
 #include <array>
@@ -13,8 +13,8 @@
 
 namespace torquer::effects {
 
-/// Holds instruments at the outlets. A hand that pushes on has its motion carried; the instrument
-/// follows again when the hand is back at the insertion at which it left.
+/// Holds instruments at the outlets. Further pushing is carried. The instrument follows again when
+/// the hand is back at the insertion at which the instrument left.
 class Outlets final : public Effect, public Observer, public MotionLimit {
  public:
   /// `distance_mm`: from an outlet's disc, in addition to the instrument's radius, at which the

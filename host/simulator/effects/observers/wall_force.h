@@ -11,10 +11,10 @@ namespace torquer::effects {
 
 /// Normal forces of the last tick, and number and duration of the times above a threshold.
 ///
-/// The force of a contact is that of a patch: the largest on any stretch of the wire with the patch
-/// length of the scene, on any instrument. So it does not depend on the segmentation of the wire. A
-/// tick that did not converge shows its forces, but they count for no peak, event or impulse. Its
-/// time is counted separately. Peaks, events and impulse are NaN until a tick has converged.
+/// The force of a contact is the force of a patch: the largest on any stretch of an instrument with
+/// the patch length of the scene. So it does not depend on the segmentation of the wire. A tick
+/// that did not converge shows its forces, but they count for no peak, event or impulse. Its time
+/// is counted separately. Peaks, events and impulse are NaN until a tick has converged.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
@@ -32,7 +32,8 @@ class WallForce final : public Effect, public Observer {
 
   double largest_mN() const { return largest_mN_; }  ///< of a patch
   double sum_mN() const { return sum_mN_; }
-  /// Total along the tip. Of two wires beside each other, that of the tip with the larger force.
+  /// Total along the tip. For two wires beside each other, the value of the tip with the larger
+  /// force.
   double tip_mN() const { return tip_mN_; }
   /// Mean force per length on the patch with the largest force.
   double line_load_mN_mm() const { return largest_mN_ / settings_.patch_mm; }
