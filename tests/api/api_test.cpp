@@ -37,7 +37,7 @@ struct Shown {
   std::vector<double> nodes_mm;
   std::vector<double> numbers;
   std::vector<std::string> names;
-  std::vector<std::uint64_t> readings;  // their bits, because one that is not known is NaN
+  std::vector<std::uint64_t> readings;  // their bits, because an unknown value is NaN
   std::vector<std::uint8_t> gray;
 
   bool operator==(const Shown&) const = default;
@@ -317,7 +317,7 @@ TEST_CASE("A program and a script get the same states", "[api]") {
   REQUIRE(status == 0);
   std::ifstream in(states);
   std::string line;
-  std::getline(in, line);  // state of the first row, which moves nothing
+  std::getline(in, line);  // state of the first row, without motion
   for (const std::string& hash : hashes) {
     REQUIRE(std::getline(in, line));
     CHECK(nlohmann::json::parse(line)["state_hash"] == hash);

@@ -1,4 +1,4 @@
-// The record of what was done to a simulation.
+// Record of the actions on a simulation.
 #include "host/api/past.h"
 
 #include <catch2/catch.hpp>

@@ -172,7 +172,7 @@ TEST_CASE("A step that is ended in its last tick is finished", "[api]") {
   Simulation simulation(scene);
   const StepReport report =
       simulation.Step(Push(simulation), [](const StepReport&) { return false; });
-  CHECK(report.ticks == 1);  // nothing depends on time
+  CHECK(report.ticks == 1);  // no effect depends on time
   CHECK(report.finished);
 }
 

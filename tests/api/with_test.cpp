@@ -77,7 +77,7 @@ TEST_CASE("A scene with a value keeps the vessel, unless a key of it changes", "
   CHECK(stiff.bounds_mm() == scene.bounds_mm());
   const Scene again = scene.With({{"vessel.voxel_mm", 1.0}});
   CHECK(again.bounds_mm()[1][1] < scene.bounds_mm()[1][1]);
-  // The hash is that of the surface which the scene has.
+  // The hash belongs to the scene's surface.
   CHECK(stiff.content_hash() != Scene::FromText(stiff.text(), stiff.folder()).content_hash());
   CHECK(again.content_hash() == Scene::FromText(again.text(), again.folder()).content_hash());
 }

@@ -129,7 +129,7 @@ TEST_CASE("Undecodable messages are counted and dropped") {
   const auto size = static_cast<unsigned>(bytes.size());
   lcm_publish(raw, "A", bytes.data(), size);      // a byte left over
   lcm_publish(raw, "A", bytes.data(), size - 9);  // cut short
-  lcm_publish(raw, "A", bytes.data(), 0);         // nothing at all
+  lcm_publish(raw, "A", bytes.data(), 0);         // empty
   lcm_destroy(raw);
 
   bus.Publish("A", command);

@@ -1,5 +1,5 @@
 // Message check: bytes from a bus or a log that are not a valid message are refused before
-// decoding. Under AddressSanitizer these tests also show that nothing is read beyond the bytes.
+// decoding. Under AddressSanitizer these tests also show that no byte beyond the message is read.
 #include "host/bus/message_check.h"
 
 #include <catch2/catch.hpp>
@@ -104,7 +104,7 @@ TEST_CASE("Mutated messages of every type are refused, or are what their encoder
       (sample.decodes(bytes) ? decoded : refused) += 1;
     }
   }
-  // Both kinds must occur, else the mutations test nothing.
+  // Both kinds must occur, or the mutations have no effect.
   CHECK(decoded > 1000 / (torquer::test::kUnderSanitizer ? 10 : 1));
   CHECK(refused > 1000 / (torquer::test::kUnderSanitizer ? 10 : 1));
 }

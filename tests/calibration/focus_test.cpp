@@ -146,7 +146,7 @@ TEST_CASE("the verdict names what is wrong, most important first") {
 
 TEST_CASE("the focus is the maximum of sharpness over the shims") {
   const auto search = [](std::vector<FocusHeight> heights) { return FindFocus(heights); };
-  // One height, or a maximum at the end: nothing is claimed.
+  // One height, or a maximum at the end, gives no result.
   const FocusSearch alone = search({{0.4, 0.4}});
   CHECK_FALSE(alone.best_shims_mm);
   CHECK_THAT(alone.advice, Contains("more and with less"));

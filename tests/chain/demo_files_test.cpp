@@ -112,7 +112,7 @@ TEST_CASE("A demo writes into its own folder, and removes what it made and nothi
   CHECK_FALSE(fs::exists(bench.Session(first + "/simulator.log")));
   CHECK(fs::read_symlink(bench.Session("latest")) == second);
 
-  // Entries that name files outside the session's folder must remove nothing there.
+  // Entries that name files outside the session's folder must not remove them.
   Write(bench.Session(second + "/" + kList), "../notes.csv\n" + bench.Session("a.log") + "\n*\n");
   // The demo does not own a folder behind a link, whatever the folder contains.
   fs::create_directory(bench.folder.Path("elsewhere"));

@@ -48,7 +48,7 @@ struct Bench {
     image.OnConnected("X-1");
     image.OnReport(0);
   }
-  // Loads until nothing is due; returns the number of loads.
+  // Loads until no image is due; returns the number of loads.
   int Loads() {
     int loads = 0;
     for (; image.due() && loads < 10; ++loads) image.Load(source);

@@ -140,7 +140,7 @@ TEST_CASE("A daemon begins at zero with a simulator that was started again") {
   chain.Push(1000);
   chain.daemon->Signal(SIGTERM);
   chain.daemon->Wait();
-  // Nothing moves in this scene: it is at rest before the daemon listens.
+  // This scene is at rest before the daemon listens.
   const torquer::test::SceneFile scene;
   int states = 0;
   chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(

@@ -54,7 +54,7 @@ struct Apart {
   }
 };
 
-// A single wire with the properties of one of them.
+// A single wire with the properties of one of the instruments.
 struct Lone {
   WireModel model;
   FreeSpace field;

@@ -79,7 +79,7 @@ TEST_CASE("A stretch is one within its radius of the curve, and zero beyond its 
 }
 
 TEST_CASE("The soft edge lies outside a ball or a stretch, and inside a side") {
-  // As the reference of edge_mm says.
+  // Expected by the reference of edge_mm.
   const Region ball = Region::Ball(Vector3d::Zero(), 5, 2);
   CHECK(ball.Weight(Vector3d(5, 0, 0)) == 1);
   CHECK(ball.Weight(Vector3d(6, 0, 0)) == Approx(0.5));
@@ -102,7 +102,7 @@ TEST_CASE("A region knows whether it meets the lumen") {
   CHECK_FALSE(meets(Region::Side(Vector3d(120, 0, 0), Vector3d::UnitX(), 2)));
 }
 
-// A stretch beside the lumen, so that the search finds nothing and ends only after all points.
+// A stretch beside the lumen, so that the search ends only after all points, without a result.
 TEST_CASE("The search of a stretch for the lumen grows with its length") {
   const auto comparisons = [](double length_mm) {
     const vessel::TubeVessel tube = vessel::MakeStraightTube(length_mm, 3);

@@ -20,7 +20,7 @@ constexpr std::uint16_t kIndices[] = {0, 1, 2, 0x80, 0x81, 0x82, 0x0101, 0x0409,
 constexpr std::uint16_t kLengths[] = {0,  1,  2,  7,  8,  9,  16,  18,    31,
                                       32, 33, 34, 63, 64, 65, 255, 0x100, 0xffff};
 
-// Stage at which the host aborts, or the error that it makes.
+// Stage at which the host aborts, or its error.
 enum class Course {
   kWhole,
   kSetupOnly,

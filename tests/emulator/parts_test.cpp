@@ -161,7 +161,7 @@ TEST_CASE("interrupt requests are levels") {
   CHECK_FALSE(controller.usb.general_interrupt());
   controller.usb.StartOfFrame(1);
   CHECK(controller.usb.general_interrupt());
-  controller.Set(Controller::kUdint, 0xff);  // writing ones clears nothing
+  controller.Set(Controller::kUdint, 0xff);  // writing ones does not clear bits
   CHECK(controller.usb.general_interrupt());
   controller.Set(Controller::kUdint, 0x00);
   CHECK_FALSE(controller.usb.general_interrupt());

@@ -1,5 +1,5 @@
 // Unmodified libusb against the real firmware: umockdev mocks usbfs, and the emulated device runs
-// behind it. The conversations are those of a driver.
+// behind it. The conversations follow those of a driver.
 #include <libudev.h>
 #include <libusb.h>
 

@@ -171,7 +171,7 @@ int mkostemp(char* path, int flags) {
 }
 
 int mkdir(const char* path, mode_t mode) noexcept {
-  // An existing folder is not a step, because nothing is written.
+  // An existing folder is not a step, because no data are written.
   struct stat status {};
   const bool there = stat(path, &status) == 0;
   if (!there && Fails(Step::kMake, "mkdir", path)) return -1;

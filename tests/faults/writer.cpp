@@ -222,8 +222,8 @@ std::size_t WriterBench::WrittenFiles() const {
   return count;
 }
 
-// A program that stays is ready when it has printed a line. One that prints none at its start has
-// files, and is ready some time after they are there.
+// A program that stays is ready when it has printed a line. A program that prints no line at its
+// start is ready some time after its files exist.
 void WriterBench::EndOnceReady(ChildProcess& process) const {
   constexpr int kMostPauses = 1000;
   constexpr int kPausesWithFiles = 20;

@@ -62,8 +62,8 @@ class WriterBench {
   TemporaryFolder folder_;
 };
 
-/// Checks that each file is unchanged or complete. `reference` has the files of an undisturbed run;
-/// `may_leave` also allows unfinished files; `run` is the result.
+/// Checks that each file is unchanged or complete. `reference` has the files of an undisturbed run.
+/// `may_leave` also allows unfinished files. `run` is the result.
 void CheckFiles(const Writer& writer, const FilesByName& files, const FilesByName& reference,
                 bool may_leave, const WriterRun& run);
 

@@ -243,7 +243,7 @@ TEST_CASE("on a suspended bus the sensor is sent to sleep, and started when the 
   board().bus_suspended = true;
   board().spi_log.clear();
   for (int i = 0; i < 10; ++i) bench.firmware.Step();
-  REQUIRE(board().spi_log.size() == 2);  // one register written, nothing after it
+  REQUIRE(board().spi_log.size() == 2);  // one register is written, and no access follows
   CHECK(board().spi_log[0].sent == (0x3b | 0x80));
   CHECK(board().spi_log[1].sent == 0xb6);
   CHECK(board().watchdog_kicks > 10);

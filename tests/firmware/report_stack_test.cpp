@@ -1,5 +1,5 @@
-// The firmware on another board: a USB stack that exchanges whole reports, and a sensor that is no
-// PMW3360. Nothing of it touches packets of endpoint 0 or the SPI.
+// The firmware on another board: a USB stack that exchanges whole reports, and a sensor that is not
+// a PMW3360. These parts do not use packets of endpoint 0, nor the SPI.
 #include <catch2/catch.hpp>
 #include <cstdint>
 #include <cstring>

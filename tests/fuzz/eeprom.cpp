@@ -14,7 +14,7 @@ namespace torquer {
 namespace fuzz::eeprom_target {
 namespace {
 
-// The input starts at 0x010: the firmware reads nothing before that.
+// The input starts at 0x010: the firmware does not read earlier cells.
 Bytes eeprom(protocol::kEepromBytes, 0xff);
 constexpr std::size_t kFirst = protocol::kEepromSerialAddress;
 

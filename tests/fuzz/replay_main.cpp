@@ -85,7 +85,7 @@ int Replay(const Target& target) {
   }
   std::printf("%s: %zu seeds, %zu of the corpus, %d mutations, of which %d accepted\n",
               target.name.c_str(), seeds, inputs.size() - seeds, target.replay_inputs, accepted);
-  // Both must occur, otherwise the mutations test nothing.
+  // Both must occur, or the mutations have no effect.
   if (accepted == 0 || accepted == target.replay_inputs) {
     std::printf("%s: the mutations reach one side of the parser only\n", target.name.c_str());
     status = 1;

@@ -1,5 +1,5 @@
 // Conversations that every bench device must support, emulated or real: the requests in order, and
-// the expected answers. Each leaves the device as it was. The hand rests.
+// the expected answers. Each restores the state of the device. The hand rests.
 #pragma once
 
 #include "tests/support/usb_program.h"
@@ -23,15 +23,15 @@ void RefusesNonsense(Program& program);
 /// Checks that an endpoint halted by the host stalls, and continues after it is cleared.
 void HaltsAndGoesOn(Program& program);
 
-/// Checks that canceled and abandoned transfers leave the device as it was.
+/// Checks that canceled and abandoned transfers do not change the device.
 void OutlivesGivenUpTransfers(Program& program);
 
 /// Checks that a command restarts the device by its watchdog. It comes back with a new boot id and
 /// reports the reason; counts, time and sequence restart.
 void RestartsByItsWatchdog(Program& program);
 
-/// Checks that the sensor answers, and that since the device's start nothing was restarted, lost or
-/// nearly full.
+/// Checks that the sensor answers, and that since the device's start there was no restart, no loss
+/// and no nearly full stack.
 void IsInGoodHealth(Program& program);
 
 }  // namespace torquer::hil

@@ -79,7 +79,7 @@ TEST_CASE("the device is in good health") {
   IsInGoodHealth(bench.program);
 }
 
-// Figures of a mocked bus mean nothing; the test only checks that the report can be made.
+// Figures of a mocked bus have no meaning; the test only checks that the report can be made.
 TEST_CASE("jitter and latency are reported") {
   Bench bench;
   bench.program.Close();

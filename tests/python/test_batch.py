@@ -80,7 +80,7 @@ def test_a_reading_that_is_not_known_is_null_and_stays_stored(study, tmp_path):
     assert readings["unconverged_rows"] == readings["rows"]
     assert readings["wall_force_largest_ever_mN"] is None and readings["largest.wall_force_events"] is None
     assert "NaN" not in text and "nan" not in (out / "readings.csv").read_text().lower()
-    # A second run reads what is stored.
+    # A second run reads the stored results.
     status, output, error = finish(path, out)
     assert status == 0, error
     assert (out / "readings.jsonl").read_text() == text

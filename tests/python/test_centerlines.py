@@ -154,7 +154,7 @@ def test_a_surface_is_named_as_such(tmp_path):
 
 
 def test_a_trunk_that_lines_share_stands_once(tmp_path):
-    # As VMTK samples them: points of the second line lie between those of the first.
+    # Sampled as by VMTK: points of the second line lie between those of the first.
     first = [[0, 0, 2.0 * k] for k in range(16)] + [[2.0 * k, 0, 30 + 2.0 * k] for k in range(1, 11)]
     second = [[0, 0, 0]] + [[0, 0, 2.0 * k + 1] for k in range(15)] + [[-2.0 * k, 0, 30 + 2.0 * k] for k in range(11)]
     count, whole = len(first), len(first) + len(second)

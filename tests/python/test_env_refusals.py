@@ -1,4 +1,4 @@
-"""Environments refuse the same steps alone and in a vector, and say if a result is not known."""
+"""Environments refuse the same steps alone and in a vector, and report if a result is unknown."""
 
 import math
 
@@ -38,7 +38,7 @@ def test_single_and_vector_refuse_the_same_steps():
         for step in (lambda: env.step([bad, 0.0]), lambda: many.step([[0.0, bad]])):
             with pytest.raises(torquer.Error, match="finite|not a number|nan|inf"):
                 step()
-    # A refused step moves nothing.
+    # A refused step has no motion.
     assert env.simulation.time_s == pytest.approx(0.1)
     for _ in range(2):
         *_, truncated, _ = env.step([1.0, 0.0])
@@ -48,7 +48,7 @@ def test_single_and_vector_refuse_the_same_steps():
         env.step([0.0, 0.0])
     with pytest.raises(torquer.Error, match="finite"):
         many.step([[math.nan, 0.0]])
-    # The vector resets instead, as its class says.
+    # The vector resets instead, as documented.
     _, rewards, _, all_truncated, info = many.step([[0.0, 0.0]])
     assert rewards[0] == 0 and not all_truncated[0] and info["time_s"][0] == pytest.approx(0.1)
     env.reset(seed=1)
@@ -85,7 +85,7 @@ def test_a_reset_mask_resets_only_the_chosen_environments():
     fresh, _ = torquer.envs.make_vec("ty_phantom", 1).reset(seed=10)
     assert np.array_equal(after[[0, 2]], before[[0, 2]]) and np.array_equal(after[1], fresh[0])
     assert info["time_s"] == pytest.approx([0.5, 0.1, 0.5]) and info["env_id"].tolist() == [0, 1, 2]
-    # The others continue as if nothing had been reset.
+    # The other environments continue as without the reset.
     rows = np.full((3, 2), 0.5, np.float32)
     assert np.array_equal(many.step(rows)[0][[0, 2]], twin.step(rows)[0][[0, 2]])
     # Those that were not reset keep their random sequence.

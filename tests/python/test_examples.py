@@ -105,5 +105,5 @@ def test_examples_can_be_imported_and_say_how_they_are_run(name, tmp_path, monke
     example = importlib.import_module(f"torquer.examples.{name}")
     assert callable(example.main)
     assert f"torquer.examples.{name}" in example.__doc__ or f"torquer/examples/{name}.py" in example.__doc__
-    # Nothing has run yet.
+    # No action has run yet.
     assert capsys.readouterr().out == "" and not any(path.suffix == ".png" for path in tmp_path.iterdir())

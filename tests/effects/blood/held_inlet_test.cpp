@@ -157,6 +157,6 @@ TEST_CASE("An inlet that is several sources, or none, is refused with key and re
              Contains("inlet_resistance_mmHg_s_mL = 2") && Contains("give inlet_held_mmHg"));
   CHECK_THAT(Refusal(kFork + Inlet("inlet_held_mmHg = 90\noutlets = \"murray\"")),
              Contains("needs inlet_mL_s"));
-  // The key before there were two of them.
+  // The old name of the key.
   CHECK_THAT(Refusal(kFork + Inlet("inlet_mmHg = 90")), Contains("inlet_mean_mmHg"));
 }

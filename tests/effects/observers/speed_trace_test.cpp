@@ -60,7 +60,7 @@ TEST_CASE("A hand at rest moves neither up nor down in smoothness") {
   CHECK(trace.mean_moving_mm_s() == Approx(1).epsilon(0.02));
   SpeedTrace still;
   for (double t = 0; t < 5; t += 0.001) still.Add(t, 7);
-  // Without motion there is no smoothness, and 0 would be the best one.
+  // Smoothness is undefined without motion; 0 would be the best value.
   CHECK(std::isnan(still.log_dimensionless_jerk()));
   CHECK(std::isnan(still.mean_moving_mm_s()));
 }

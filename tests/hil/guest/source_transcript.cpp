@@ -1,5 +1,6 @@
 // source_transcript usb|hidraw prints one conversation with the only bench device through a report
-// source. The text is the same for every source. The device is restarted once and left as it was.
+// source. The text is the same for every source. The device is restarted once; its settings do not
+// change.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
