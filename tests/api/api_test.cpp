@@ -150,7 +150,7 @@ TEST_CASE("A scene of the working folder is named by its file alone", "[api]") {
   CHECK(Simulation(Scene::FromText(of_file.text(), of_file.folder())).node_count() > 0);
 }
 
-TEST_CASE("A copy goes on as the original does, to the bit, in every shipped scene", "[api]") {
+TEST_CASE("A copy continues like the original, to the bit, in every shipped scene", "[api]") {
   const int steps = kUnderSanitizer ? 3 : 12;
   for (const std::string& file : SceneFiles()) {
     INFO(file);
@@ -183,7 +183,7 @@ TEST_CASE("A copy goes on as the original does, to the bit, in every shipped sce
   }
 }
 
-TEST_CASE("A copy within a tick that the budget cut goes on with it", "[api]") {
+TEST_CASE("A copy within a tick that the budget cut continues the tick", "[api]") {
   const torquer::test::SceneFile file(
       std::string("linear_density_g_m = 5\n[relaxation]\nbudget_units = 3\n") +
       "[effects.friction]\ncoefficient = 0.1\n[effects.inertia]\n[effects.torsion]\n");
@@ -191,7 +191,7 @@ TEST_CASE("A copy within a tick that the budget cut goes on with it", "[api]") {
   CheckCopiesOnTheWay(scene, kUnderSanitizer ? 10 : 60);
 }
 
-TEST_CASE("Blood behind Windkessels is copied with what they store", "[api]") {
+TEST_CASE("A copy keeps the blood that Windkessels store", "[api]") {
   const Scene scene = ShippedWith("neuro_angio", "[effects.flow]\n", "compliance_mL_mmHg = 1\n");
   Simulation simulation(scene);
   Wanderer hands(6);
@@ -335,7 +335,7 @@ TEST_CASE("A scene's text makes it again", "[api]") {
   }
 }
 
-TEST_CASE("A scene tells of its vessel", "[api]") {
+TEST_CASE("A scene describes its vessel", "[api]") {
   const Scene scene = Scene::FromFile(kScenes + "/neuro_arch.toml");
   const std::vector<std::string> names = scene.centerlines();
   REQUIRE(names.size() > 10);
@@ -379,7 +379,7 @@ TEST_CASE("Simulations of one scene run beside each other as one by one", "[api]
   for (unsigned seed = 0; seed < 4; ++seed) CHECK(beside[seed] == run(seed));
 }
 
-TEST_CASE("Unusable values are refused and change nothing", "[api]") {
+TEST_CASE("Unusable values are refused without effect", "[api]") {
   CHECK_THROWS_WITH(Scene::FromFile("no/such.toml"), Contains("no/such.toml"));
   CHECK_THROWS_WITH(Scene::FromText("name = \"x\"\n[vessel]\nkind = \"sponge\"\n", "."),
                     Contains("scene:3") && Contains("sponge"));

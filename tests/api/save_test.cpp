@@ -87,7 +87,7 @@ void CheckGoesOn(const Scene& scene, int steps) {
 
 }  // namespace
 
-TEST_CASE("A loaded simulation goes on as the saved one does, to the bit", "[api]") {
+TEST_CASE("A loaded simulation continues like the saved one, to the bit", "[api]") {
   const int steps = torquer::test::kUnderSanitizer ? 3 : 10;
   for (const char* const name : {"everything", "coronary", "triaxial"}) {
     INFO(name);
@@ -125,7 +125,7 @@ TEST_CASE("A simulation is saved within its step, and after one that threw", "[a
   CHECK_THROWS_WITH(Simulation::Load(scene, simulation.Save(), stop), "enough");
 }
 
-TEST_CASE("Bytes that are no simulation of this scene and build are refused", "[api]") {
+TEST_CASE("Saved bytes of another scene or build, and damaged ones, are refused", "[api]") {
   const torquer::test::SceneFile file;
   const Scene scene = Scene::FromFile(file.path());
   Simulation simulation(scene);

@@ -38,7 +38,7 @@ TEST_CASE("Ticks end at the multiples of the step, and at the row") {
   for (std::size_t i = 0; i < 4; ++i) CHECK(ticks[i].time_s == Approx(ends_s[i]).epsilon(1e-12));
 }
 
-TEST_CASE("Rows that end on a step but for rounding make no tick of nothing") {
+TEST_CASE("Rounding at the end of a row makes no empty tick") {
   // 0.1 has no exact binary form: its sums differ from the multiples of 0.005.
   double time_s = 0;
   for (int row = 0; row < 2000; ++row) {

@@ -99,7 +99,7 @@ TEST_CASE("A step takes ticks of the scene's length while the vessel moves", "[a
   CHECK(ticks("[effects.inertia]\n[relaxation]\nlongest_tick_ms = 20\n") == 53);
 }
 
-TEST_CASE("A step tells of each of its ticks, and goes the way of one that does not", "[api]") {
+TEST_CASE("A step calls back for each tick, with the same result as without a callback", "[api]") {
   const SceneFile file(std::string(torquer::test::kFriction) + kBeating);
   const Scene scene = Scene::FromFile(file.path());
   Simulation simulation(scene);
@@ -132,7 +132,7 @@ TEST_CASE("A step tells of each of its ticks, and goes the way of one that does 
   CHECK(simulation.state_hash() == untold.state_hash());
 }
 
-TEST_CASE("A step that is ended goes on from where it was", "[api]") {
+TEST_CASE("An interrupted step continues at its position", "[api]") {
   const SceneFile file(std::string(torquer::test::kFriction) + kBeating);
   const Scene scene = Scene::FromFile(file.path());
   Simulation simulation(scene);
@@ -254,7 +254,7 @@ TEST_CASE("Settings of the X-ray system change pictures and dose", "[api]") {
   CHECK(contrast(run({.mode = Imaging::Mode::kSubtraction})) <= 3);
 }
 
-TEST_CASE("Contacts are where the wire is in the wall, as deep as it is", "[api]") {
+TEST_CASE("Contacts have the places and depths of the wire in the wall", "[api]") {
   const SceneFile file;
   const Scene scene = Scene::FromFile(file.path());
   Simulation simulation(scene);

@@ -33,7 +33,7 @@ TEST_CASE("A simulation that was moved from is refused until it is assigned to")
   CHECK(simulation.state_hash() == moved.state_hash());
 }
 
-TEST_CASE("A simulation is not moved within its own step") {
+TEST_CASE("A simulation cannot be moved during a step") {
   const torquer::test::SceneFile file;
   Simulation simulation(Scene::FromFile(file.path()));
   const Simulation saved = simulation;

@@ -185,7 +185,7 @@ TEST_CASE("The clock id is positive and the clock runs forward") {
   CHECK(torquer::bus::MonotonicUs() >= before_us);
 }
 
-TEST_CASE("Datagrams that are no message are counted and named, once a minute") {
+TEST_CASE("Datagrams without a valid message are counted and reported, once a minute") {
   torquer::test::NeedPrivateNetwork();
   Bus bus;
   int handled = 0;
@@ -249,7 +249,7 @@ TEST_CASE("Mutated and random messages of every type end at the bus") {
   CHECK(handled > 0);
 }
 
-TEST_CASE("A message knows its sender, and stays whole when it is larger than a datagram") {
+TEST_CASE("A message has its sender, and may be larger than a datagram") {
   torquer::test::NeedPrivateNetwork();
   Bus one;
   Bus other;
@@ -276,7 +276,7 @@ TEST_CASE("A message knows its sender, and stays whole when it is larger than a 
   CHECK(Describe(seen[0].second).starts_with("port "));
 }
 
-TEST_CASE("A full queue drops the newest, and says so") {
+TEST_CASE("A full queue drops the newest message, and reports it") {
   torquer::test::NeedPrivateNetwork();
   Bus sender;
   Bus receiver;

@@ -61,7 +61,7 @@ class Holder {
 
 }  // namespace
 
-TEST_CASE("A claim's holder is signaled, whatever its file says, and nobody else ever is") {
+TEST_CASE("Only the holder of a claim is signaled, also with a forged file") {
   const torquer::test::TemporaryFolder folder;
   setenv("XDG_RUNTIME_DIR", folder.Path().c_str(), 1);
   const std::string name = "test.claim";

@@ -123,7 +123,7 @@ struct Listener {
 
 }  // namespace
 
-TEST_CASE("By default nothing from another machine reaches a program") {
+TEST_CASE("By default no message from another machine reaches a program") {
   torquer::test::NeedPrivateNetwork();
   const OtherMachine other;
   Listener by_default("");

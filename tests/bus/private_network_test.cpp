@@ -29,7 +29,7 @@ const std::string kScript = torquer::test::SourcePath("/host/bus/private_network
 
 }  // namespace
 
-TEST_CASE("private_network runs its command in a network with nothing but loopback") {
+TEST_CASE("private_network runs its command in a network with only loopback") {
   const ShellOutcome links = RunShell(kScript + " ip -o link");
   CHECK(links.status == 0);
   CHECK(links.output.find("1: lo: <LOOPBACK,MULTICAST,UP") == 0);
@@ -45,7 +45,7 @@ TEST_CASE("private_network hands on words, open files and the exit status") {
   CHECK(RunShell(kScript + " sh -c 'exit 37'").status == 37);
 }
 
-TEST_CASE("private_network says what is missing") {
+TEST_CASE("private_network refuses a missing command and forbidden namespaces") {
   const ShellOutcome nothing = RunShell(kScript);
   CHECK(nothing.status == 2);
   CHECK(nothing.output.find("usage: private_network COMMAND") != std::string::npos);

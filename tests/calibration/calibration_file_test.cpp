@@ -190,7 +190,7 @@ TEST_CASE("A calibration that is out of range is not written, and the old file s
   CHECK(Contents(path) == before);
 }
 
-TEST_CASE("A missing file is said with the way to go on") {
+TEST_CASE("A missing file is reported with the remedy") {
   CHECK_THROWS_WITH(
       ReadCalibration("/no/such/file.toml"),
       Catch::Contains("/no/such/file.toml: cannot be read") && Catch::Contains("--uncalibrated"));

@@ -216,7 +216,7 @@ TEST_CASE("A stroke weighs by its declared error") {
   CHECK(fit.gain_mm_per_count.value == Approx(kTruth.gain_mm_per_count).epsilon(1e-5));
 }
 
-TEST_CASE("Strokes that cannot tell are refused") {
+TEST_CASE("Strokes without enough information are refused") {
   CHECK_THROWS_WITH(FitMotion({}, {}, 1200), Catch::Contains("0 pushes"));
   std::vector<Stroke> strokes{Few()[0], Few()[1], Few()[2]};
   CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200), Catch::Contains("1 turns"));

@@ -110,7 +110,7 @@ std::vector<FocusPicture> WithSpot(int pictures, int size, bool stays) {
   return all;
 }
 
-TEST_CASE("dirt is what is dark at the same place in every picture") {
+TEST_CASE("a spot that is dark at the same place in every picture is dirt") {
   CHECK(MeasureFocus(WithSpot(6, 10, true)).dirt == Approx(100.0 / 1296).epsilon(0.4));
   CHECK(MeasureFocus(WithSpot(6, 18, true)).dirt == Approx(324.0 / 1296).epsilon(0.4));
   CHECK(MeasureFocus(WithSpot(6, 0, true)).dirt == 0);
@@ -118,7 +118,7 @@ TEST_CASE("dirt is what is dark at the same place in every picture") {
   CHECK(MeasureFocus(one).dirt > 0.02);
 }
 
-TEST_CASE("the verdict names what is wrong, most important first") {
+TEST_CASE("the verdict names problems, most important first") {
   const auto judge = [](const FocusPicture& picture, int quality = 64) {
     return JudgeFocus(std::vector<FocusPicture>{picture}, quality);
   };

@@ -56,7 +56,7 @@ TEST_CASE("Parameters and model are inverse to each other") {
   CHECK(back.skew_rad == Approx(parameters.skew_rad).epsilon(1e-9));
 }
 
-TEST_CASE("Huge counts lose nothing") {
+TEST_CASE("Huge counts are exact") {
   MotionModel model;
   model.per_count = {{{1.0, 0.0}, {0.0, 1.0}}};
   const std::int64_t huge = (std::int64_t{1} << 53) - 1;

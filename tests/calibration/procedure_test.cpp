@@ -238,7 +238,7 @@ TEST_CASE("A mark is taken when the hand is still, by key or by button") {
   CHECK(person.rejected == 0);
 }
 
-TEST_CASE("Spoiled strokes do not count, and the run goes on") {
+TEST_CASE("Spoiled strokes do not count, and the run continues") {
   ProcedureRun run;
   Operator& person = run.person;
   person.UpTo(Step::kPushes);
@@ -298,8 +298,7 @@ TEST_CASE("Spoiled strokes do not count, and the run goes on") {
   CHECK(person.procedure.step() == Step::kRaised);
 }
 
-TEST_CASE(
-    "A count that moves at rest, and a sensor that sees nothing, are reported and not passed") {
+TEST_CASE("A count that drifts at rest, and a sensor without a surface, are reported and fail") {
   ProcedureRun run;
   Operator& person = run.person;
   SECTION("drift") {

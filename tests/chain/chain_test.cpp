@@ -144,7 +144,7 @@ std::string ProgramsUsing(const std::string& folder) {
 
 }  // namespace
 
-TEST_CASE("A session loses nothing, repeats bit for bit, and plays at another speed") {
+TEST_CASE("A session has no losses, repeats bit for bit, and plays at another speed") {
   NeedPrivateNetwork();
   const TemporaryFolder folder;
   const std::string output = folder.Path("output");
@@ -190,7 +190,7 @@ TEST_CASE("A session loses nothing, repeats bit for bit, and plays at another sp
   CHECK(played.instruments[0].rotation_rad == Approx(wire.rotation_rad).margin(1e-9));
 }
 
-TEST_CASE("A demo that is stopped leaves nothing running") {
+TEST_CASE("A stopped demo leaves no program running") {
   const TemporaryFolder folder;
   {
     ChildProcess demo({"/bin/bash", kDemo, "--scene", "ty_phantom", "--programs", kPrograms,
@@ -249,7 +249,7 @@ TEST_CASE("A demo on a terminal prints its page's link, and Ctrl-C ends it with 
   CHECK(ProgramsUsing(folder.Path()).empty());
 }
 
-TEST_CASE("A demo that cannot run says why") {
+TEST_CASE("A demo that cannot run reports the reason") {
   const TemporaryFolder folder;
   const std::string error = folder.Path("error");
   const auto demo = [&](const std::string& arguments) {

@@ -166,7 +166,9 @@ const Row kRows[] = {
     {"recorder: kill -9", [](Session& s) { s.recorder->Signal(SIGKILL); }, NobodyNotices, Nothing},
 };
 
-TEST_CASE("Whoever dies or hangs, the others say so, hold, and go on when it is back") {
+TEST_CASE(
+    "After the death or hang of a program the others report it, hold, and continue when it is "
+    "back") {
   Session session;
   REQUIRE(session.device.WaitForHost());
   REQUIRE(session.Moves());

@@ -89,7 +89,7 @@ void CheckAreThere(const std::map<std::string, std::string>& files) {
 
 }  // namespace
 
-TEST_CASE("A demo writes into its own folder, and removes what it made and nothing else") {
+TEST_CASE("A demo writes into its own folder, and removes only its own files") {
   torquer::test::NeedPrivateNetwork();
   const Bench bench;
   const auto users = UsersFiles(bench);

@@ -219,7 +219,7 @@ TEST_CASE("A wire that fills a ball comes to rest around itself, and takes no he
   if (!kUnderSanitizer) CHECK(ball.relaxation->Current().between.front().pressed_N > 2e-5);
 }
 
-TEST_CASE("A copy of a wire that touches itself goes on as the original") {
+TEST_CASE("A copy of a wire that touches itself continues like the original") {
   FilledBall a;
   const auto tick = [](FilledBall& ball, int k) {
     CountedBudget budget(1 + k % 9);

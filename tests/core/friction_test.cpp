@@ -210,7 +210,7 @@ double Tension(const WireOnPost& on, double angle_rad) {
   return -on.relaxation.Current().distal_gradient[i].dot(on.state.tangents()[i]);
 }
 
-TEST_CASE("Tension of a wire drawn over a post grows by the capstan law, whatever mesh and rows") {
+TEST_CASE("Tension of a wire drawn over a post grows by the capstan law, for any mesh and rows") {
   const double mu = GENERATE(0.1, 0.3);
   const int points_per_segment = GENERATE(1, 2, 8);
   const double row_mm = GENERATE(0.02, 0.2, 2.0);
@@ -387,7 +387,7 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
   }
 }
 
-TEST_CASE("Where budgets end, a motion with friction changes no bit, and takes no heap") {
+TEST_CASE("A motion with friction in any budgets is the same to the bit, without heap") {
   const int seed = GENERATE(range(0, Rounds(12, 3)));
   CAPTURE(seed);
   const bool twists = seed % 2 == 1;

@@ -142,7 +142,7 @@ class Drag final : public EnergyTerm {
   std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
 };
 
-TEST_CASE("A loss that does not act on the surface is no force of contact and no torque") {
+TEST_CASE("A loss that does not act on the surface adds no contact force and no torque") {
   const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = 1, .radius_mm = 0.2});
   const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 10);
   const WallModel wall{.stiffness_N_mm2 = 10};

@@ -60,7 +60,7 @@ class Hand {
   InstrumentPoses target_;
 };
 
-TEST_CASE("A budget that is cut anywhere leaves a whole wire, and the next tick goes on from it") {
+TEST_CASE("A budget cut at any point leaves a valid wire, and the next tick continues from it") {
   Bench start;
   REQUIRE(start.Tick({40, 0.5}, 100000).converged);
   const InstrumentPoses target{46.3, 1.4};
@@ -115,7 +115,7 @@ TEST_CASE("The work that was recorded repeats a session to the bit") {
   }
 }
 
-TEST_CASE("After Restart a session repeats itself to the bit, whatever was before") {
+TEST_CASE("After Restart a session repeats to the bit, after any earlier session") {
   Bench bench;
   Hand wild(5);
   for (int k = 0; k < 50; ++k) bench.Tick(wild.Next(), 20);
@@ -131,7 +131,7 @@ TEST_CASE("After Restart a session repeats itself to the bit, whatever was befor
   }
 }
 
-TEST_CASE("A tick allocates nothing") {
+TEST_CASE("A tick does not allocate") {
   const bool paper = GENERATE(false, true);
   Bench bench(paper);
   Hand hand(41);
@@ -247,7 +247,7 @@ TEST_CASE("Out and in again gives the first wire") {
   }
 }
 
-TEST_CASE("Fed by hundredths of a millimeter, the tip of a resting wire goes on without a jump") {
+TEST_CASE("The tip of a resting wire, fed by hundredths of a millimeter, advances without a jump") {
   // Fed straight into free space, with a curved tip and a load that bends the shaft.
   const WireModel model = MakeWire({.segment_mm = 1, .tip_mm = 8, .tip_curvature_1_per_mm = 0.1});
   const FreeSpace field;

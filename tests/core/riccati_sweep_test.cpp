@@ -109,7 +109,7 @@ TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is")
   CHECK(agreed[1] > 3);
 }
 
-TEST_CASE("Where the loads changed near the sheath alone, the rest is taken over to the bit") {
+TEST_CASE("A change of loads near the sheath reuses the distal sweep, to the bit") {
   const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 1.5);
   Chain chain({.segment_mm = 0.8}, field, {.stiffness_N_mm2 = 1e-2}, {});
   std::mt19937 random(3);

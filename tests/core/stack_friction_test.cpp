@@ -76,7 +76,9 @@ TEST_CASE("Friction that is held stays, tick after tick, and sticks where the wi
   CHECK(wire.HandTorque() == Approx(torque).epsilon(1e-3));
 }
 
-TEST_CASE("Drawn along, a twisted wire is let go: friction has one cone for both ways") {
+TEST_CASE(
+    "A twisted wire that is drawn along loses its twist: friction has one cone for both "
+    "directions") {
   PulledWire wire({});
   wire.Go(0, 1, 5);
   const double torque = wire.HandTorque();
@@ -97,7 +99,7 @@ TEST_CASE("Drawn along, a twisted wire is let go: friction has one cone for both
   CHECK(wire.HandTorque() == Approx(mean * held * around / std::hypot(1, around)).epsilon(0.05));
 }
 
-TEST_CASE("Without a coefficient nothing between instruments changes a shape") {
+TEST_CASE("Without a coefficient contact between instruments changes no shape") {
   const auto turned = [](double mu) {
     PulledWire wire({.mu = mu});
     wire.Go(-1, 2, 10);
@@ -151,7 +153,7 @@ TEST_CASE("Instruments that come back out of the sheath hold each other as they 
   CHECK(held.Energy() > 1e-7);
 }
 
-TEST_CASE("Which way instruments slid is part of their friction's hash") {
+TEST_CASE("The hash of friction includes the direction of sliding") {
   Held held;
   const std::uint64_t before = held.friction.Hash(1);
   std::array<SurfaceMove, kMostInstruments> moves = {};

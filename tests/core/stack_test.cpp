@@ -64,7 +64,8 @@ TEST_CASE("A stiff catheter straightens a soft bent wire, which takes its shape 
   CHECK(LargestDistance(both.state, alone) < 1e-5);
 }
 
-TEST_CASE("Whichever goes on beyond the other leads, and nothing jumps where the tips pass") {
+TEST_CASE(
+    "The instrument that reaches farther leads, and the shape is continuous where tips pass") {
   Arcs both({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
   both.MoveTo({{30, 0}, {25, 0}});
   Vector3d before = both.state.tip();
@@ -123,7 +124,7 @@ class SlideRecorder final : public EnergyTerm, public ContactTerm {
   int bare_points = -1;
 };
 
-TEST_CASE("The surface of each instrument goes with that instrument, whoever leads") {
+TEST_CASE("The surface of each instrument moves with that instrument, for any leader") {
   SlideRecorder recorder;
   const std::vector<EnergyTerm*> terms{&recorder};
   InstrumentStack stack({Arc(2, 0, 0.2), Arc(3, 0, 0.6)});

@@ -236,7 +236,7 @@ TEST_CASE("The turn of an instrument is part of a state's hash") {
   }
 }
 
-TEST_CASE("Feeding keeps the twist of each instrument, whichever segments split and join") {
+TEST_CASE("Feeding keeps the twist of each instrument while segments split and join") {
   const auto make = [](double ratio) { return TwistingArc(2, 0, ratio, 1); };
   InstrumentStack stack({make(1), make(0.5)});
   const WireModel& model = stack.rod();
@@ -271,8 +271,7 @@ TEST_CASE("Feeding keeps the twist of each instrument, whichever segments split 
   }
 }
 
-TEST_CASE(
-    "Where an instrument slides in another, its twist goes with it and is neither more nor less") {
+TEST_CASE("The twist of an instrument that slides in another moves with it, unchanged") {
   TwistedStack stack(3, 9);
   const WireState& before = stack.state;
   const int n = before.segments();

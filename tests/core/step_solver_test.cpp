@@ -138,7 +138,7 @@ TEST_CASE("After a move, springs press as they did before it, and act where they
   }
 }
 
-TEST_CASE("A step that stops early still gains what it expects in the model") {
+TEST_CASE("A step that stops early still reduces the energy as predicted") {
   std::mt19937 random(12);
   for (int k = 0; k < 40; ++k) {
     NearWire wire(12, random);

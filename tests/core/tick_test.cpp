@@ -104,7 +104,9 @@ struct Tester {
   }
 };
 
-TEST_CASE("Every tick ends within its budget, says what is left, and repeated ticks arrive") {
+TEST_CASE(
+    "Every tick ends within its budget and reports the remaining motion, and repeated ticks "
+    "arrive") {
   const int seed = GENERATE(range(0, Rounds(40, 4)));
   CAPTURE(seed);
   Random random(static_cast<unsigned>(seed));
@@ -138,7 +140,7 @@ TEST_CASE("Every tick ends within its budget, says what is left, and repeated ti
   }
 }
 
-TEST_CASE("The same of the paper's method, by whole segments") {
+TEST_CASE("The paper's method does the same, by whole segments") {
   const int seed = GENERATE(range(0, Rounds(8, 4)));
   CAPTURE(seed);
   Random random(static_cast<unsigned>(seed));

@@ -104,7 +104,7 @@ TEST_CASE("Twist is the turn of the material against the untwisted frame, and co
   for (const double twist : state.twist_rad()) CHECK(twist == 0);
 }
 
-TEST_CASE("Feeding keeps the twist per length, whichever segments split and join") {
+TEST_CASE("Feeding keeps the twist per length while segments split and join") {
   const WireModel model =
       MakeWire({.segment_mm = 1, .torsional_rigidity_N_mm2 = 1, .max_length_mm = 40});
   WireState state = LayStraight(model, 12.3);
@@ -143,7 +143,7 @@ TEST_CASE("Feeding keeps the twist per length, whichever segments split and join
   CHECK(largest < 1e-12);
 }
 
-TEST_CASE("A wire that nothing holds turns with the hand, without twist") {
+TEST_CASE("A free wire turns with the hand, without twist") {
   const WireModel model = MakeWire({.segment_mm = 1,
                                     .torsional_rigidity_N_mm2 = 1e-3,
                                     .tip_mm = 6,

@@ -158,7 +158,7 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
   CHECK(HashState(other) != HashState(a.state));
 }
 
-TEST_CASE("A copy of two curves goes on as the original") {
+TEST_CASE("A copy of two curves continues like the original") {
   const double ratio = GENERATE(0.0, 0.7);
   LooseArcs a(ratio);
   const int copied = GENERATE(37, 130, 190);  // each instrument leads

@@ -92,7 +92,7 @@ TEST_CASE("A curved tip rests curved to its end, and no farther") {
   CHECK(model.rest_direction(6) == Vector3d(0, 0, 1));
 }
 
-TEST_CASE("The sheath's normal is across its direction, whatever that is") {
+TEST_CASE("The sheath's normal is across its direction, for any direction") {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
   for (int k = 0; k < 100; ++k) {

@@ -77,7 +77,7 @@ TEST_CASE("The tip keeps its directions when the wire is fed") {
   CHECK((state.tangents()[10] - before[10]).norm() > 1e-3);
 }
 
-TEST_CASE("A wire retracted to nothing is as at the start") {
+TEST_CASE("A fully retracted wire is the wire at the start") {
   const WireModel model = MakeWire({.segment_mm = 1});
   std::mt19937 random(4);
   for (const double length : {0.3, 0.7, 5.0, 20.2}) {
@@ -95,7 +95,7 @@ TEST_CASE("A wire retracted to nothing is as at the start") {
   }
 }
 
-TEST_CASE("Less than half a segment is held back, and nothing of it is lost") {
+TEST_CASE("Less than half a segment is carried, without loss") {
   const WireModel model = MakeWire({.segment_mm = 2});
   WireState state(model);
   for (int k = 0; k < 9; ++k) state.Feed(model, state.insertion_mm() + 0.1);
@@ -158,7 +158,7 @@ TEST_CASE("Parallel transport is the smallest rotation") {
   CHECK(turned[0] == 0);
 }
 
-TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the state is kept") {
+TEST_CASE("Rest directions follow the untwisted frame, for any stored frames") {
   const WireModel model = MakeWire({.tip_mm = 12, .tip_curvature_1_per_mm = 0.2});
   std::mt19937 random(6);
   std::uniform_real_distribution<double> angle(-3, 3);
@@ -229,7 +229,7 @@ TEST_CASE("At a split and a merge the rest shape and the stiffness of the clamp 
   CHECK(rest_turn(before) == Approx(0.1 * 5.0).epsilon(1e-6));  // the last half segment is straight
 }
 
-TEST_CASE("The hash tells states apart and equal ones not") {
+TEST_CASE("Different states have different hashes, and equal states the same one") {
   const WireModel model = MakeWire({});
   const WireState a = LayStraight(model, 10);
   WireState b = a;
@@ -249,7 +249,7 @@ TEST_CASE("The hash tells states apart and equal ones not") {
   CHECK(HashState(a) != HashState(b));
 }
 
-TEST_CASE("A hash sees any two bits that differ, signs too, and what is mirrored") {
+TEST_CASE("A hash detects any two different bits, signs, and mirror images") {
   const double numbers[] = {1.25, -3e-7, 17};
   const auto hash_of = [&](std::uint64_t first, std::uint64_t second) {
     const std::uint64_t flips[] = {first, second, 0};

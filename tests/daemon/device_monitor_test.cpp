@@ -82,7 +82,7 @@ class Manager {
 
 }  // namespace
 
-TEST_CASE("Bars show speed, joystick and surface, and words what is pressed or wrong") {
+TEST_CASE("Bars show speed, joystick and surface; words show buttons and problems") {
   DeviceBars bars;
   CHECK(bars.Lines(0.1, 80) == std::vector<std::string>{"no report yet"});
   bars.Add("BENCH-7", Output(0));
@@ -117,7 +117,7 @@ TEST_CASE("Bars show speed, joystick and surface, and words what is pressed or w
   CHECK(Contains(bars.Line(0.1), "BENCH-7: 10 reports/s, 11 missing, 11.10 mm"));
 }
 
-TEST_CASE("A gap over a new connection is nothing missing") {
+TEST_CASE("A gap at a new connection is not a loss") {
   DeviceBars bars;
   bars.Add("BENCH-7", Output(0));
   PipelineOutput again = Output(5000);
@@ -134,7 +134,7 @@ TEST_CASE("A narrow terminal gets narrow bars") {
   }
 }
 
-TEST_CASE("A service manager gets what it asked for, as often as it needs") {
+TEST_CASE("A service manager gets its notifications, at the requested rate") {
   const torquer::test::TemporaryFolder folder;
   for (const std::string& name :
        {folder.Path("notify"), "@torquer-test-" + std::to_string(getpid())}) {
@@ -156,7 +156,7 @@ TEST_CASE("A service manager gets what it asked for, as often as it needs") {
   }
 }
 
-TEST_CASE("A watchdog that is meant for another process is left alone, and none is no trouble") {
+TEST_CASE("The watchdog of another process is ignored, and a missing watchdog is accepted") {
   const torquer::test::TemporaryFolder folder;
   {
     Manager manager(folder.Path("notify"));

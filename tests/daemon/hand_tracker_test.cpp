@@ -205,7 +205,7 @@ TEST_CASE("Home makes the present place the start") {
   CHECK(hand.tracker.counters().axial_applied == 1100);
 }
 
-TEST_CASE("Without a calibration the gains follow the sensor's resolution, and it is said") {
+TEST_CASE("Without a calibration the gains follow the sensor's resolution, which is reported") {
   Hand hand(std::nullopt);
   hand.Step();
   HandState state = hand.Step(1200);
@@ -247,7 +247,7 @@ TEST_CASE("Motion lost between two closings of the end switch is corrected witho
   hand.Step(5000);  // 50 mm
   double expected_mm = 50.0;
   double lost_mm = 0.0;
-  SECTION("nothing was lost") {
+  SECTION("no loss") {
     hand.Step(-5000);
     expected_mm = 0.0;
   }

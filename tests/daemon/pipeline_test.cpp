@@ -112,7 +112,7 @@ TEST_CASE("The same reports and arrivals give the same outputs, bit for bit") {
   CHECK(run() == run());
 }
 
-TEST_CASE("A transcript of clutch, lift, reset and replug goes by the book") {
+TEST_CASE("A transcript of clutch, lift, reset and replug gives the expected states") {
   torquer::calibration::Calibration calibration =
       torquer::calibration::NominalCalibration("X", 1200);
   calibration.motion.per_count = {{{1.0, 0.0}, {0.0, 1.0}}};

@@ -69,7 +69,7 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
                  " does not exist; load the image again with torquer-flash --srom"));
     CHECK(listener.counters["sensor_images_loaded"] == 0);
   }
-  SECTION("none was ever loaded: nothing to say") {
+  SECTION("no image was ever loaded: no message") {
     const ChildProcess daemon(SocketWords(socket));
     REQUIRE(device.WaitForHost());
     report(0);
@@ -104,7 +104,7 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
   }
 }
 
-TEST_CASE("Motion lost before the end switch closes again is made up for, and said") {
+TEST_CASE("Motion lost before the end switch closes again is corrected and reported") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   const auto close_switch = [&] {

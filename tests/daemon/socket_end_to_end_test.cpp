@@ -119,7 +119,7 @@ TEST_CASE("An unplugged device is waited for and continued from without a jump")
   CHECK(chain.listener.counters["reports_lost"] == 0);
 }
 
-TEST_CASE("A reset of the device is said and continued from without a jump") {
+TEST_CASE("A reset of the device is reported, and motion continues without a jump") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   const instrument_command_t before = chain.Push(1000);
@@ -134,7 +134,7 @@ TEST_CASE("A reset of the device is said and continued from without a jump") {
   CHECK(chain.listener.counters["reports_lost"] == 0);
 }
 
-TEST_CASE("A device that falls silent is held and said") {
+TEST_CASE("A silent device is reported, and its position is held") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   const instrument_command_t before = chain.Push(1000);
@@ -148,7 +148,7 @@ TEST_CASE("A device that falls silent is held and said") {
   REQUIRE(chain.listener.UntilHealth("running", "reports arrive again"));
 }
 
-TEST_CASE("A lifted sensor is said on every command and on the health channel") {
+TEST_CASE("A lifted sensor is reported in every command and on the health channel") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   const instrument_command_t before = chain.Push(1000);
@@ -163,7 +163,7 @@ TEST_CASE("A lifted sensor is said on every command and on the health channel") 
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
 }
 
-TEST_CASE("Malformed reports are counted and change nothing") {
+TEST_CASE("Malformed reports are counted and ignored") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   chain.Push(1000);
@@ -330,7 +330,7 @@ TEST_CASE("A calibration is tied to its device and its sensor resolution") {
     CHECK(listener.commands[1].flags == 0);
     unsetenv("XDG_CONFIG_HOME");
   }
-  SECTION("none kept under the device's serial number") {
+  SECTION("no calibration under the device's serial number") {
     SocketDevice device(socket);
     setenv("XDG_CONFIG_HOME", listener.folder.Path().c_str(), 1);
     const Ending ending = EndingOf(SocketWords(socket, {}));
@@ -346,7 +346,7 @@ TEST_CASE("A calibration is tied to its device and its sensor resolution") {
   }
 }
 
-TEST_CASE("A bad command line is refused with what is wrong") {
+TEST_CASE("A bad command line is refused with the reason") {
   Listener listener;
   const std::string socket = listener.folder.Path("device");
   const auto [words, expected] = GENERATE_REF(table<std::vector<std::string>, std::string>({
@@ -389,7 +389,7 @@ TEST_CASE("SIGINT and SIGTERM end a daemon in order, also one that waits") {
   REQUIRE(chain.listener.UntilHealth("stopping", "asked to stop"));
 }
 
-TEST_CASE("A service manager hears that the daemon is up, alive, what it does, and that it ends") {
+TEST_CASE("A service manager is notified of the daemon's start, life, status and end") {
   Listener listener;
   const std::string name = listener.folder.Path("notify");
   const int manager = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);

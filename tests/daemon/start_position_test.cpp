@@ -22,7 +22,7 @@ using torquer_lcm::instrument_command_t;
 
 }  // namespace
 
-TEST_CASE("A restarted daemon goes on from the last published position") {
+TEST_CASE("A restarted daemon continues from the last published position") {
   const int signal = GENERATE(SIGKILL, SIGTERM);
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
@@ -38,7 +38,7 @@ TEST_CASE("A restarted daemon goes on from the last published position") {
       chain.daemon->WaitForError("continuing from the position of the previous daemon: 19.05 mm"));
 }
 
-TEST_CASE("A position is as old as it is, though the machine slept most of the time") {
+TEST_CASE("The age of a position includes the time that the machine slept") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   chain.Push(1000);
@@ -123,8 +123,8 @@ TEST_CASE("A restarted daemon does not move a wire that lay in at the start") {
   CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + before.insertion_mm));
   chain.daemon->Signal(SIGTERM);
   chain.daemon->Wait();
-  SECTION("that the daemon knows") {}
-  SECTION("that only the simulator knows") {
+  SECTION("known to the daemon") {}
+  SECTION("known only to the simulator") {
     std::filesystem::remove_all(chain.listener.folder.Path("torquer"));
   }
   chain.Start();

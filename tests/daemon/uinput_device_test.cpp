@@ -21,7 +21,7 @@ HandState At(double insertion_mm, double rotation_rad) {
   return hand;
 }
 
-TEST_CASE("The first state places the stick and moves nothing; a repeated one is silent") {
+TEST_CASE("The first state sets the stick without motion; a repeated one sends no event") {
   BoxEvents events;
   CHECK(events.Of(At(123, 4)) ==
         Events{{EV_ABS, ABS_X, 512}, {EV_ABS, ABS_Y, 512}, {EV_SYN, SYN_REPORT, 0}});
@@ -54,7 +54,7 @@ TEST_CASE("Motion, stick and buttons become events, each when it changes") {
                                             {EV_SYN, SYN_REPORT, 0}});
 }
 
-TEST_CASE("A new start of the instrument is no motion of the hand") {
+TEST_CASE("A new start of the instrument sends no motion of the hand") {
   HandTracker tracker(std::nullopt, {80, 3, 0, 0});
   BoxEvents events;
   events.Of(tracker.Hold());

@@ -94,7 +94,7 @@ TEST_CASE("Reset forgets") {
   CHECK(map.drift() == 0.0);
 }
 
-TEST_CASE("A device clock that stands still does no harm") {
+TEST_CASE("A device clock that stands still is tolerated") {
   ClockMap map;
   for (int i = 0; i < 5000; ++i) {
     const std::int64_t origin_us = map.Map(1000, 1000LL * i);

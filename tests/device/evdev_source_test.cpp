@@ -197,7 +197,7 @@ TEST_CASE("Devices that will not do are refused with what will") {
   EvdevChain chain;
   std::vector<std::string> devices;
   std::string expected;
-  SECTION("none given: the mice are named") {
+  SECTION("no path: the mice are named") {
     expected = "--device /dev/input/by-id/Mock_mouse  (Mock mouse)";
   }
   SECTION("a keyboard") {

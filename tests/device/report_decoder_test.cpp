@@ -173,7 +173,7 @@ TEST_CASE("A gap longer than the sequence is measured by the clocks") {
   }
 }
 
-TEST_CASE("Duplicates and late reports are distinguished and change nothing") {
+TEST_CASE("Duplicates and late reports are distinguished and ignored") {
   Feed feed;
   InputReport report = StillReport(65535);
   feed.Settle(report);
@@ -205,7 +205,7 @@ TEST_CASE("Duplicates and late reports are distinguished and change nothing") {
   CHECK(feed.decoder.counters().lost == 1);
 }
 
-TEST_CASE("A restarted or reconnected device goes on without a jump") {
+TEST_CASE("A restarted or reconnected device continues without a jump") {
   Feed feed;
   InputReport report = StillReport(100);
   report.axial_counts = 5000;
@@ -268,7 +268,7 @@ TEST_CASE("Counts that no hand could move begin again from where they are") {
   CHECK(feed.decoder.counters().jumps == 1);
 }
 
-TEST_CASE("Reports from before a connection are no loss and no motion") {
+TEST_CASE("Reports from before a connection count neither as loss nor as motion") {
   Feed feed;
   feed.decoder.OnConnected();
   REQUIRE(feed(StillReport(10)));  // held in the device's two banks since power-on
@@ -295,7 +295,7 @@ TEST_CASE("Reports from before a connection are no loss and no motion") {
   CHECK(feed.decoder.counters().lost == 2);
 }
 
-TEST_CASE("The end switch's count goes on with the axial count, over wraps and restarts") {
+TEST_CASE("The end switch's count continues with the axial count, over wraps and restarts") {
   Feed feed;
   InputReport report = StillReport();
   report.axial_counts = std::numeric_limits<std::int32_t>::max() - 10;

@@ -57,7 +57,7 @@ TEST_CASE("an image goes from a file into the sensor") {
   bench.CheckRules();
 }
 
-TEST_CASE("a file that is no image is refused with its name, what it has, and what to do") {
+TEST_CASE("a file without an image is refused with its name, its contents and the remedy") {
   const test::TemporaryFolder folder;
   const auto refusal = [&](const std::vector<std::uint8_t>& bytes) {
     try {

@@ -53,7 +53,7 @@ TEST_CASE("A device whose queue of connections is full is not waited for") {
   CHECK(connected == 1);
 }
 
-TEST_CASE("A device that takes no requests any more is said not to answer") {
+TEST_CASE("A device that stops taking requests is reported as not answering") {
   const test::TemporaryFolder folder;
   const HangingDevice device(folder.Path("device.sock"));
   const Deadline deadline;

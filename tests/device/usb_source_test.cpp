@@ -22,7 +22,7 @@ std::string RefusalOf(UsbChain& chain, const std::vector<std::string>& more = {}
 
 }  // namespace
 
-TEST_CASE("USB reports become commands; SIGTERM lets go of the device") {
+TEST_CASE("USB reports become commands; SIGTERM releases the device") {
   UsbChain chain;
   chain.testbed.Plug(kAddress, Bench());
   const auto daemon = chain.Start();
@@ -127,7 +127,7 @@ TEST_CASE("Among several devices the serial number chooses") {
   UsbChain chain;
   chain.testbed.Plug(kAddress, Bench("LEFT-1"));
   chain.testbed.Plug(kAddress + 1, Bench("RIGHT-2"));
-  SECTION("without one, none is guessed") {
+  SECTION("without a serial number no device is chosen") {
     const std::string refusal = RefusalOf(chain);
     CHECK(refusal.find("several bench devices are plugged in:") != std::string::npos);
     CHECK(refusal.find("LEFT-1") != std::string::npos);
@@ -201,7 +201,7 @@ TEST_CASE("Firmware on the USB that does not fit is refused with the command tha
   CHECK(refusal.find("torquer-flash") != std::string::npos);
 }
 
-TEST_CASE("A device in its bootloader is distinguished from none") {
+TEST_CASE("A device in its bootloader is distinguished from a missing one") {
   UsbChain chain;
   UsbDeviceScript script = Bench();
   script.product_id = torquer::protocol::kUsbBootloaderProductId;
@@ -231,7 +231,7 @@ TEST_CASE("Without permission the udev rule is named") {
   CHECK(fs::exists(torquer::test::SourcePath("/hardware/udev/70-torquer.rules")));
 }
 
-TEST_CASE("The option --list tells of every bench device and claims none") {
+TEST_CASE("The option --list shows every bench device and claims none") {
   UsbChain chain;
   const std::string folder = chain.listener.folder.Path("config");
   setenv("XDG_CONFIG_HOME", folder.c_str(), 1);

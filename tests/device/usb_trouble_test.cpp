@@ -70,7 +70,8 @@ TEST_CASE("One request for the identity may go unanswered") {
   const auto daemon = chain.Read(script);
 }
 
-TEST_CASE("A device that comes back unusable does not end the daemon, which says why, once") {
+TEST_CASE(
+    "A device that comes back unusable does not end the daemon, which reports the reason once") {
   UsbChain chain;
   const auto daemon = chain.Read();
   const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
@@ -116,7 +117,7 @@ TEST_CASE("A device that comes back unusable does not end the daemon, which says
   CHECK(daemon->Wait() == 0);
 }
 
-TEST_CASE("Another's device with our ids that may not be opened is in nobody's way") {
+TEST_CASE("An inaccessible device of another maker with the same ids does not interfere") {
   UsbChain chain;
   UsbDeviceScript other = Bench("COFFEE-1");
   other.product = "Coffee machine";

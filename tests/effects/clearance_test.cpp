@@ -38,7 +38,7 @@ simulator::Command Push(const scene::Scene& scene, int k) {
   return command;
 }
 
-TEST_CASE("Room is refused where there is none") {
+TEST_CASE("Room is refused for instruments without a lumen") {
   const TemporaryFolder folder;
   const auto refused = [&](const std::string& text, const std::string& what) {
     CHECK_THROWS_WITH(scene::Scene(WriteRoom(folder, text)),

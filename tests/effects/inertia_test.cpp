@@ -145,7 +145,7 @@ TEST_CASE("A drag that swallows the swing lets the beam creep back") {
   CHECK(std::log(before_mm / swing.state.tip()[1]) == Approx(50 * std::log1p(0.02)).epsilon(0.01));
 }
 
-TEST_CASE("Without a hand the energy never rises, and what the step takes goes with the step") {
+TEST_CASE("Without a hand the energy never rises, and the loss of a step falls with the step") {
   double lost[2];
   int n = 0;
   for (const double step_s : {1e-3, 5e-4}) {
@@ -202,7 +202,7 @@ TEST_CASE("A tick in parts shares its time out over them") {
   CHECK((one - fine).norm() / (half - fine).norm() == Approx(7.0 / 3).epsilon(0.15));
 }
 
-TEST_CASE("Where a budget ends a tick, its time is not lost") {
+TEST_CASE("The time of a tick that a budget ends is not lost") {
   Swing whole(0, 0.5);
   Swing cut(0, 0.5);
   constexpr double kStep_s = 1e-3;

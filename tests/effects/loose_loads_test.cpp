@@ -80,7 +80,7 @@ struct Lone {
   }
 };
 
-TEST_CASE("Whatever leads, instruments that do not touch hang as each does alone") {
+TEST_CASE("Instruments that do not touch hang as each does alone, for any leader") {
   const InstrumentPoses poses =
       GENERATE(InstrumentPoses{{52.3, 0}, {41.9, 0}}, InstrumentPoses{{38.6, 0}, {47.2, 0}});
   const std::vector<double> weights_N_mm{2e-7, 9e-7};
@@ -140,7 +140,7 @@ TEST_CASE("Weight and mass of two curves have the gradient of finite differences
   CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
 }
 
-TEST_CASE("Room changes nothing in how much moves where both curves move alike") {
+TEST_CASE("Room does not change the moving mass where both curves move alike") {
   const InstrumentPoses poses = GENERATE(kWireLeads, kThreeWireLeads, kThreeCatheterLeads);
   const Vector3d moved_mm(0.1, 0.2, -0.3);
   const auto force_N = [&](const std::array<bool, kMostInstruments>& rooms) {
@@ -170,7 +170,7 @@ TEST_CASE("Room changes nothing in how much moves where both curves move alike")
 
 // The instruments fall from a straight line and are fed and withdrawn meanwhile. If they do not
 // touch, each oscillates as if alone.
-TEST_CASE("Instruments that do not touch swing as each does alone, whichever leads") {
+TEST_CASE("Instruments that do not touch swing as each does alone, for any leader") {
   constexpr double kStep_s = 0.002;
   const bool wire_leads = GENERATE(true, false);
   const std::vector<double> weights_N_mm{3e-7, 1e-6};

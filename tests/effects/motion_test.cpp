@@ -198,7 +198,7 @@ TEST_CASE("Friction's anchors go with their places on the wall") {
   CHECK(friction.Add(points, out) == Approx(0).margin(1e-18));
 }
 
-TEST_CASE("A wire in a translating vessel is the wire whose sheath goes the other way") {
+TEST_CASE("A wire in a translating vessel has the shape of one whose sheath moves the other way") {
   const Torus torus(Side::kInside, 40, 3);
   const WallModel wall{.stiffness_N_mm2 = 0.05};
   const std::vector<EnergyTerm*> none;

@@ -53,7 +53,8 @@ void PushTo(Simulation& simulation, double insertion_mm) {
   simulation.Tick(OutletCommand(insertion_mm), budget);
 }
 
-TEST_CASE("A wire that reaches an outlet leaves the model and presses on nothing", "[outlets]") {
+TEST_CASE("A wire that reaches an outlet leaves the model, without force on the wall",
+          "[outlets]") {
   scene::Scene scene(OutletScene("[effects.outlets]\n"));
   Simulation simulation(scene);
   // In one row or in many: the tip stops 1 mm before the end, less its radius.

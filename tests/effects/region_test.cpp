@@ -90,7 +90,7 @@ TEST_CASE("The soft edge lies outside a ball or a stretch, and inside a side") {
   CHECK(side.Weight(Vector3d(14, 3, 0)) == 1);
 }
 
-TEST_CASE("A region knows whether it meets the lumen") {
+TEST_CASE("A region reports if it meets the lumen") {
   const vessel::TubeVessel tube = vessel::MakeStraightTube(100, 3);
   const auto meets = [&](const Region& region) {
     return region.MeetsLumen(*tube.field, tube.centerlines, tube.bounds_mm);

@@ -143,7 +143,7 @@ TEST_CASE("A scene's wire is the one of its sections") {
   CHECK(scene.effects().empty());
 }
 
-TEST_CASE("Sections that are no wire are refused") {
+TEST_CASE("Invalid sections of a wire are refused") {
   struct Case {
     std::string text;
     std::string said;

@@ -58,7 +58,8 @@ void Move(simulator::Simulation& session, int instrument, double to_mm) {
   }
 }
 
-TEST_CASE("The path of the tip is that of the assessed instrument, whichever reaches farthest") {
+TEST_CASE(
+    "The path of the tip belongs to the assessed instrument, even if another reaches farther") {
   const std::string other =
       GENERATE(as<std::string>(), kBuddy, kLongCatheter, kLongCatheter + "[effects.clearance]\n");
   SceneOf scene(kFork + other + kAssessment);

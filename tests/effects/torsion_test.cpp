@@ -149,7 +149,7 @@ std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {
   return path;
 }
 
-TEST_CASE("A scene's wire twists if the scene says so") {
+TEST_CASE("A scene's wire twists if the scene names torsion") {
   const TemporaryFolder folder;
   scene::Scene with(SceneFile(folder, "torsional_rigidity_ratio = 0.5\n[effects.torsion]\n"));
   CHECK(with.rod().twists());

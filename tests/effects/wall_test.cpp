@@ -72,7 +72,7 @@ TEST_CASE("A wire lying on a wall sinks in by its weight over the stiffness of t
   CHECK(wire.Penetration_mm(70) == Approx(kWeight_N_mm / kCalcified_N_mm2).epsilon(1e-3));
 }
 
-TEST_CASE("A calcified part goes with the vessel under a wire that rests") {
+TEST_CASE("A calcified part moves with the vessel under a wire at rest") {
   const HalfSpace floor(Vector3d::Zero(), Vector3d::UnitZ());
   // The floor slides along the wire by 30 mm within a breath.
   effects::PeriodicMotion::Settings settings;

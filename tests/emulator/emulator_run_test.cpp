@@ -307,7 +307,7 @@ TEST_CASE("the program ends with its summary as JSON") {
 
 const std::string kBootloader = torquer::test::FirmwarePath("torquer-bootloader.elf");
 
-TEST_CASE("behind its bootloader the firmware runs as it does without") {
+TEST_CASE("the firmware runs the same with and without a bootloader") {
   const test::TemporaryFolder folder;
   std::ofstream(folder.Path("motion.csv")) << kMotionHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
   const Outcome outcome =
@@ -318,7 +318,7 @@ TEST_CASE("behind its bootloader the firmware runs as it does without") {
              Catch::Contains("\"axial_counts\":2362") && Catch::Contains("\"violations\":0"));
 }
 
-TEST_CASE("the program refuses what it cannot use, with status 2 and a reason") {
+TEST_CASE("the program refuses unusable input, with status 2 and a reason") {
   const std::pair<std::vector<std::string>, const char*> cases[] = {
       {{"--motion", "/nonexistent.csv"}, "/nonexistent.csv"},
       {{"--firmware", "/nonexistent.elf"}, "/nonexistent.elf"},

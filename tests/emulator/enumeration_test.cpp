@@ -192,7 +192,7 @@ TEST_CASE("a halted endpoint stalls until the halt is cleared, and its toggle st
   bench.CheckRules();
 }
 
-TEST_CASE("transfers that the host gives up at any stage wedge nothing") {
+TEST_CASE("transfers that the host aborts at any stage do not block the device") {
   Bench bench;
   bench.Start();
   UsbController& usb = bench.device.usb();

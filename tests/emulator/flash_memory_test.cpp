@@ -114,7 +114,7 @@ TEST_CASE("programming clears bits and sets none") {
   CHECK(chip.chip->Violations().empty());
 }
 
-TEST_CASE("power lost in the midst leaves each bit as it was or as it was to become") {
+TEST_CASE("after a loss of power each bit has its old or its new value") {
   SECTION("erasing") {
     Words program;
     Command(&program, kPage, kErase);

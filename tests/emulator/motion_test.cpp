@@ -183,7 +183,7 @@ TEST_CASE("noise makes runs of different seeds differ, and of equal seeds agree"
   CHECK(first[0] == Approx(std::lround(0.97 * 1000 / kMmPerInch * kCpi)).epsilon(0.05));
 }
 
-TEST_CASE("while lifted the sensor says so and counts nothing; on landing it counts on") {
+TEST_CASE("a lifted sensor reports it and does not count; after landing it counts again") {
   Bench bench;
   bench.device.SetHand([](double time_s) {
     HandState hand;

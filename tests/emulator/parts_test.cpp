@@ -212,7 +212,7 @@ TEST_CASE("memory is given out in rising order, to its end, and stays given over
     REQUIRE_FALSE(controller.usb.violations().empty());
     CHECK_THAT(controller.usb.violations().front(), Catch::Contains("endpoint 1 above it"));
   }
-  SECTION("the same size is nothing new") {
+  SECTION("the same size keeps the memory") {
     controller.usb.BusReset();
     controller.Set(Controller::kUenum, 0);
     controller.Set(Controller::kUecfg1x, 0x22);

@@ -123,7 +123,7 @@ TEST_CASE("a hand that creeps keeps it awake") {
   CHECK(sensor.sensor.lost_mm() == 0);
 }
 
-TEST_CASE("the bits of Observation come up in the next frame, and not if there is none") {
+TEST_CASE("the bits of Observation appear in the next frame, and not without frames") {
   SensorSpeaker speaker;
   CHECK(speaker.Read(kObservation) == 0x3f);
   speaker.now_us = 110010;  // a frame has just begun
@@ -210,7 +210,7 @@ TEST_CASE("a firmware image is taken by the procedure of the data sheet") {
     CHECK(speaker.Read(kSromId) == 0x00);
     CHECK(speaker.Read(kObservation) == 0x3f);
   }
-  SECTION("that nobody asked for, too") {
+  SECTION("without a request, too") {
     speaker.sensor.ResetItself(speaker.now_us, 0);
     speaker.now_us += 1000;
     CHECK(speaker.Read(kObservation) == 0x3f);
@@ -292,7 +292,7 @@ TEST_CASE("a raw picture is what lies under the sensor, and ends its navigation"
     speaker.Read(0x00);
     CHECK(speaker.Violation().empty());
   }
-  SECTION("as whoever reads motion learns") {
+  SECTION("a reader of motion detects it") {
     speaker.Write(0x50, 0);
     CHECK_THAT(speaker.Violation(), Catch::Contains("without a reset"));
   }

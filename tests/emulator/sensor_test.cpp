@@ -93,7 +93,7 @@ TEST_CASE("a sensor that resets itself at random loses no count, and each is rep
   }
 }
 
-TEST_CASE("a sensor without an image that is back before the next reading is found all the same") {
+TEST_CASE("a reset of a sensor without an image is detected even before the next reading") {
   for (const int cpi : {1200, 5000}) {
     Bench bench;
     bench.device.SetHand([](double time_s) { return Stirring(time_s, 3); });
@@ -240,7 +240,7 @@ TEST_CASE("an image that the sensor does not take is refused, and the sensor run
   bench.CheckRules();
 }
 
-TEST_CASE("an image is lost with the sensor's power, and the reports say so until it is loaded") {
+TEST_CASE("an image is lost with the sensor's power, and the reports show it until it is loaded") {
   Bench bench;
   bench.Start();
   bench.LoadSrom(TestSrom());
@@ -267,7 +267,7 @@ protocol::PictureReport Picture(Bench& bench) {
   return picture;
 }
 
-TEST_CASE("the picture is what the camera sees; after it the count goes on") {
+TEST_CASE("the picture is that of the camera; after it the count continues") {
   for (const FirmwareImage& image : {Image16(), Image8()}) {
     Bench bench({}, image);
     bench.device.SetHand([](double time_s) {
@@ -303,7 +303,7 @@ TEST_CASE("the picture is what the camera sees; after it the count goes on") {
   }
 }
 
-TEST_CASE("without a sensor there is no picture; and a picture costs the firmware image") {
+TEST_CASE("a missing sensor gives no picture, and a picture removes the firmware image") {
   Bench bench;
   bench.Start();
   bench.LoadSrom(TestSrom());

@@ -122,7 +122,7 @@ TEST_CASE("a short packet arrives short") {
   CHECK(packet.size() == sizeof(protocol::InputReport));
 }
 
-TEST_CASE("a control request that nobody answers times out, and the next one is served") {
+TEST_CASE("an unanswered control request times out, and the next one is served") {
   UmockdevBench bench(Image(), {}, StillHand);
   Program program;
   program.Open();

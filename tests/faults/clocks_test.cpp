@@ -12,7 +12,7 @@
 
 namespace torquer::test {
 
-TEST_CASE("A session goes on and repeats while the clock jumps a day ahead and back") {
+TEST_CASE("A session continues and repeats while the clock jumps a day ahead and back") {
   const TemporaryFolder folder;
   ChildProcess demo(WithSetting(
       "TORQUER_CLOCK_JUMP_S=86400",

@@ -57,7 +57,7 @@ std::int64_t RecordsIn(const std::string& path, bool may_be_cut) {
 
 }  // namespace
 
-TEST_CASE("A recording on a disk that fails ends with whole records, and says so") {
+TEST_CASE("A recording on a failing disk ends with whole records, and reports it") {
   NeedPrivateNetwork();
   bus::Bus bus;
   torquer_lcm::health_t message{};

@@ -81,7 +81,7 @@ void CheckSignals(const Writer& writer, bool in_order, std::mt19937& random) {
 
 }  // namespace
 
-TEST_CASE("Every file is as it was or whole, whenever a signal comes") {
+TEST_CASE("After a signal at any time, every file is the old one or complete") {
   NeedPrivateNetwork();
   INFO("seed " << kSeed);
   std::mt19937 random(kSeed);

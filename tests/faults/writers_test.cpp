@@ -75,7 +75,7 @@ void CheckEveryStep(const Writer& writer) {
 
 }  // namespace
 
-TEST_CASE("Every file is as it was or whole, whatever step of its writer fails") {
+TEST_CASE("After a failure at any step, every file is the old one or complete") {
   NeedPrivateNetwork();
   for (const Writer& writer : Writers()) {
     DYNAMIC_SECTION(writer.name) { CheckEveryStep(writer); }

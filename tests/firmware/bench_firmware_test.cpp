@@ -95,7 +95,7 @@ class Bench {
   std::size_t index_ = 0;
 };
 
-TEST_CASE("a report goes out every frame from configuration on, whatever the sensor does") {
+TEST_CASE("a report is sent in every frame after configuration, for any state of the sensor") {
   Bench bench;
   bench.Start();
   std::uint16_t sequence = bench.Frame().sequence;
@@ -105,7 +105,7 @@ TEST_CASE("a report goes out every frame from configuration on, whatever the sen
   }
 }
 
-TEST_CASE("the count stands through a sensor fault and goes on after it") {
+TEST_CASE("the count stays during a sensor fault and continues after it") {
   Bench bench;
   bench.Start();
   bench.FrameUntilHealthy();

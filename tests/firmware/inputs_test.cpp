@@ -163,7 +163,7 @@ TEST_CASE("the end switch marks the count of the first touch, bounces or not") {
   CHECK(end.reference.counts() == 96);
 }
 
-TEST_CASE("a spark is no touch, and a switch closed at the start has not shown its place") {
+TEST_CASE("a spark does not count as a touch, and a switch closed at the start has no position") {
   EndSwitch end;
   end.Frames(30, false, 10);
   end.Frames(3, true, 11);

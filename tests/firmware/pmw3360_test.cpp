@@ -232,8 +232,7 @@ TEST_CASE("attempts to start become rarer, down to one in 1.6 s") {
   CHECK(driver.restarts() <= 24);
 }
 
-TEST_CASE(
-    "a sensor that has reset itself is found whatever its resolution, and counts nothing then") {
+TEST_CASE("a reset of the sensor is detected at any resolution, and its counts are withheld") {
   for (const int cpi : {1600, 5000}) {
     FakeSensor sensor;
     Pmw3360 driver;
@@ -258,7 +257,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("one that came back between two readings is found by what it has forgotten") {
+TEST_CASE("a reset between two readings is detected by the lost registers") {
   for (const int address : {0x0f, 0x10}) {
     FakeSensor sensor;
     Pmw3360 driver;
@@ -374,7 +373,7 @@ TEST_CASE("a start that the sensor does not keep is begun again, and not all at 
   CHECK(driver.restarts() <= 10);
 }
 
-TEST_CASE("another sensor is refused, and what it said is reported") {
+TEST_CASE("another sensor is refused, and its id is reported") {
   FakeSensor sensor;
   sensor.product_id = 0x33;
   Pmw3360 driver;
@@ -395,7 +394,7 @@ TEST_CASE("a new resolution takes effect without a restart") {
   CHECK(driver.restarts() == 0);
 }
 
-TEST_CASE("nothing stops when the clock wraps, at the start, running, or waiting to try again") {
+TEST_CASE("a wrap of the clock stops no state: start, running, or waiting") {
   for (const std::uint32_t before_wrap_us : {30000u, 80000u, 500000u, 3000000u}) {
     FakeSensor sensor(0u - before_wrap_us);
     Pmw3360 driver;

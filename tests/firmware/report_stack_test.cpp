@@ -155,7 +155,7 @@ TEST_CASE("on another board, each frame sends a report with the motion of anothe
   CHECK(other.usb.sent.size() == 100);
 }
 
-TEST_CASE("on another board, reports name the sensor and what it can do") {
+TEST_CASE("on another board, reports name the sensor and its capabilities") {
   OtherBoard other;
   const auto identity = other.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
   CHECK(identity.sensor_product_id == 0x51);

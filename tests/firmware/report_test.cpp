@@ -27,7 +27,7 @@ protocol::InputReport Next(ReportBuilder* builder, const MotionSample& sample) {
   return builder->Next(0, 0, 0, 0, 1200, ReferenceSwitch(), false);
 }
 
-TEST_CASE("a report carries what was read") {
+TEST_CASE("a report has the readings") {
   ReportBuilder builder;
   builder.SetBootId(9);
   MotionSample sample = Moved(3, -4);
@@ -94,7 +94,7 @@ TEST_CASE("the sequence grows by one and wraps") {
   }
 }
 
-TEST_CASE("zero forgets the counts and nothing else") {
+TEST_CASE("zero resets only the counts") {
   ReportBuilder builder;
   Next(&builder, Moved(5, 6));
   builder.Zero();
@@ -104,7 +104,7 @@ TEST_CASE("zero forgets the counts and nothing else") {
   CHECK(report.sequence == 2);
 }
 
-TEST_CASE("every boot has another id than the one before, whatever made it start") {
+TEST_CASE("every boot has another id than the one before, after any cause of a reset") {
   NewBoard();
   std::uint8_t last = NextBootId();
   for (int power_on = 0; power_on < 300; ++power_on) {

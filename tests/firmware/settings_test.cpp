@@ -69,7 +69,7 @@ TEST_CASE("only a change is written") {
   CHECK(Loaded().writes() == 1);
 }
 
-TEST_CASE("values out of range change nothing") {
+TEST_CASE("values out of range are refused without effect") {
   NewBoard();
   Settings settings = Loaded();
   CHECK_FALSE(settings.Set(0, 0, 0));

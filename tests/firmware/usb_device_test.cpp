@@ -9,7 +9,7 @@
 namespace torquer::firmware {
 namespace {
 
-TEST_CASE("descriptors come in packets of 32, cut to what was asked for") {
+TEST_CASE("descriptors come in packets of 32, cut to the requested length") {
   Conversation usb;
   CHECK(usb.Read(0x80, 6, 0x0100, 0, 18) ==
         std::vector<Bytes>{Bytes(std::begin(kDeviceDescriptor), std::end(kDeviceDescriptor))});
@@ -23,8 +23,7 @@ TEST_CASE("descriptors come in packets of 32, cut to what was asked for") {
   CHECK(usb.Read(0x81, 6, 0x2100, 0, 255).at(0).size() == 9);
 }
 
-TEST_CASE(
-    "a transfer that ends on a full packet, short of what was asked for, ends with an empty one") {
+TEST_CASE("a transfer shorter than requested that ends on a full packet ends with an empty one") {
   Conversation usb;
   const std::vector<Bytes> longer = usb.Read(0xa1, 1, 0x0101, 0, 64);  // 32 bytes to send
   REQUIRE(longer.size() == 2);
@@ -94,7 +93,7 @@ TEST_CASE("the host's leave to wake it is kept, reported, and ends with a bus re
   CHECK_FALSE(usb.device.may_wake_host());
 }
 
-TEST_CASE("a request that is refused changes nothing") {
+TEST_CASE("a refused request has no effect") {
   Conversation usb;
   usb.Configure();
   usb.Setup(0x00, 9, 0, 0, 1);
@@ -171,7 +170,7 @@ TEST_CASE("a new request ends the one under way, in every stage") {
   CHECK(usb.Read(0x80, 8, 0, 0, 1) == std::vector<Bytes>{{1}});
 }
 
-TEST_CASE("a host that ends a read early is let go") {
+TEST_CASE("a host may end a read early") {
   Conversation usb;
   board().can_send_control = false;
   usb.Setup(0x80, 6, 0x0200, 0, 255);

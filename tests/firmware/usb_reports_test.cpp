@@ -21,7 +21,7 @@ TEST_CASE("a feature report is read and written") {
   CHECK(usb.reports.taken == report);
 }
 
-TEST_CASE("a report that a host has padded is taken, whatever the padding") {
+TEST_CASE("a report with any padding is taken") {
   for (const int length : {17, 32, 33, 64, 100, 4095}) {
     CAPTURE(length);
     Conversation usb;
@@ -184,7 +184,7 @@ TEST_CASE("a host that polls gets every report") {
   CHECK(usb.device.frames_missed() == 0);
 }
 
-TEST_CASE("a host that skips a poll loses nothing, and one that lags a frame goes on so") {
+TEST_CASE("a host that skips a poll loses no report, and one that lags a frame continues so") {
   Conversation usb;
   usb.Configure();
   usb.device.SendInput(Numbered(0));

@@ -108,7 +108,7 @@ TEST_CASE("the bootloader starts a program according to the cause of the reset")
       CHECK(boards.Start() == BoardMode::kFirmware);
     }
   }
-  SECTION("a watchdog reset is the firmware's own affair, and it learns of it") {
+  SECTION("a watchdog reset starts the firmware, which reads its cause") {
     const int boot_id = boards.device.chip().resets();
     CHECK(FirmwareCommand(boards, protocol::kCommandReset) == TransferStatus::kDone);
     boards.Sleep(50);
@@ -234,7 +234,7 @@ TEST_CASE("data that the firmware keeps over a reset passes through the bootload
   CHECK(newest.boot_id == first + 2);
 }
 
-TEST_CASE("the bootloader reports what it is and what it found") {
+TEST_CASE("the bootloader reports its identity and the state of the application") {
   BenchOptions options;
   SECTION("with a number given") { options.serial = "STATUS-1"; }
   SECTION("with the chip's own") {}
@@ -303,7 +303,7 @@ TEST_CASE("the bootloader refuses what could spoil it or start a wrong applicati
   boards.CheckRules();
 }
 
-TEST_CASE("pages read back as they are, the bootloader's own included") {
+TEST_CASE("all pages can be read back, the bootloader's included") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
   REQUIRE(boards.ResetByPin() == BoardMode::kBootloader);

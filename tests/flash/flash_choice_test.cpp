@@ -73,7 +73,7 @@ struct FakeBoards final : Boards {
 
 }  // namespace
 
-TEST_CASE("without a board, or with one that has to be reset first, the user learns what to do") {
+TEST_CASE("without a board, or with one that must be reset first, the user gets the remedy") {
   FakeBoards boards;
   SECTION("none") { CHECK_THAT(boards.Refusal(), Contains("no board found")); }
   SECTION("an Arduino program") {
@@ -179,7 +179,7 @@ TEST_CASE(
     CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 1);
     CHECK(std::count(log.begin(), log.end(), "written /dev/ttyACM4") == 1);
   }
-  SECTION("a dry run asks for nothing") {
+  SECTION("a dry run asks no question") {
     request.dry_run = true;
     CHECK_FALSE(boards.Flash(request, hooks));
     CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 0);

@@ -74,7 +74,7 @@ TEST_CASE("a written file reads back") {
   CHECK_THROWS_AS(WriteHexFile(folder.Path("no/such.hex"), image, 0, 1), UserError);
 }
 
-TEST_CASE("a file that is no whole image is refused with its line and the remedy") {
+TEST_CASE("an incomplete image is refused with its line and the remedy") {
   const std::string good = Contents(kHex);
   CHECK(RefusalOf(good) == "taken");
   CHECK_THAT(RefusalOf(""), Contains("incomplete") && Contains("torquer-firmware*.hex"));
@@ -123,7 +123,7 @@ TEST_CASE("an image for another circuit, or with other bytes than its checksum i
   CHECK_THAT(RefusalOfFlash(flash), Contains("no image trailer"));
 }
 
-TEST_CASE("signing fills in length and CRC, and refuses what is no image") {
+TEST_CASE("signing fills in length and CRC, and refuses other files") {
   std::vector<std::uint8_t> flash = torquer::tools::ReadHexFile(kHex);
   const protocol::ImageTrailer trailer = FlashImage::FromFile(kHex).trailer();
   for (const std::size_t at : {4, 5, 12, 13, 14, 15}) {

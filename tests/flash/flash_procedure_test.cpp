@@ -66,7 +66,7 @@ TEST_CASE("running firmware is asked into the bootloader and replaced") {
   CheckInstalled(boards, kNewHex);
   boards.CheckRules();
 
-  SECTION("an older one is refused, and nothing changes") {
+  SECTION("an older one is refused without effect") {
     const std::string refusal = MessageOf<UserError>([&] { boards.Flash(kOldHex); });
     CHECK_THAT(refusal, Contains("0.15.2 is installed") && Contains("--force"));
     CHECK(boards.Mode() == BoardMode::kFirmware);
@@ -96,7 +96,7 @@ TEST_CASE("an image for another clock is refused, forced or not") {
   CheckInstalled(boards, kOldHex);
 }
 
-TEST_CASE("a dry run says what would be done and touches nothing") {
+TEST_CASE("a dry run lists the steps and does not change the board") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
   FlashRequest request;
@@ -152,7 +152,7 @@ TEST_CASE("a supply too low for 16 MHz is reported, with the image that suits it
   }
 }
 
-TEST_CASE("an interrupted user learns the board's state, and the next run finishes") {
+TEST_CASE("an interruption reports the board's state, and the next run finishes") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
   int pages = 0;

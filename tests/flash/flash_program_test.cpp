@@ -62,7 +62,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("the program flashes a new board, updates it, and refuses what it should") {
+TEST_CASE("the program flashes a new board, updates it, and refuses bad input") {
   Bench bench(Bootloader());
   const Ended first = Flash({});  // the image of this build
   CAPTURE(first.output, first.error);
@@ -127,7 +127,7 @@ TEST_CASE("the program is killed while it writes, and the next run finishes") {
   CHECK_THAT(finished.output, Contains("an update was interrupted") && Contains("0.15.2 runs"));
 }
 
-TEST_CASE("without a board the program says so") {
+TEST_CASE("a missing board is reported") {
   Bench bench(WithApplication());
   bench.device.Unplug();
   const Ended nobody = Flash({});

@@ -65,7 +65,7 @@ TEST_CASE("the fuses that the bootloader's page writes are good, each for its cl
   CHECK(lines == 3);
 }
 
-TEST_CASE("boards as they are sold") {
+TEST_CASE("boards with the factory's fuses") {
   // Arduino's definition of the Leonardo and the Micro: 16 MHz with 2.6 V.
   const FuseVerdict leonardo = JudgeFuses({0xff, 0xd8, 0xcb, 0xef});
   CHECK(leonardo.good);

@@ -11,7 +11,7 @@ import budget
 
 
 class Model(unittest.TestCase):
-    def test_arithmetic_is_read_and_nothing_else(self):
+    def test_only_arithmetic_is_evaluated(self):
         with tempfile.TemporaryDirectory() as work:
             path = os.path.join(work, "model.scad")
             with open(path, "w", encoding="utf-8") as file:

@@ -64,7 +64,7 @@ class Checker(unittest.TestCase):
         beside = [tuple((x + 1, y + 1, z) for x, y, z in triangle) for triangle in CUBE]
         self.assertTrue(stl.defects(CUBE + beside))
 
-    def test_nothing_is_found(self):
+    def test_no_part_is_faulty(self):
         self.assertTrue(stl.defects([]))
 
 
@@ -120,7 +120,7 @@ class Parts(unittest.TestCase):
         bottom = min(heights("placed_sensor_carrier", lambda p: True))
         self.assertAlmostEqual(bottom, model["block_top"], places=3)
 
-    def test_nothing_touches_the_lens_at_the_lowest_setting(self):
+    def test_no_part_touches_the_lens_at_the_lowest_setting(self):
         model = budget.MODEL
         below = [p[2] for triangle in piece("placed_pipe") for p in triangle
                  if abs(p[0]) <= model["lens_x"] / 2 and abs(p[1]) <= model["lens_y"] / 2]

@@ -23,7 +23,7 @@ class BillOfMaterials(unittest.TestCase):
         ]
         self.assertAlmostEqual(tables.total_eur(items), 3.90)
 
-    def test_entry_page_tells_the_totals(self):
+    def test_entry_page_shows_the_totals(self):
         with open(tables.README, encoding="utf-8") as file:
             page = file.read()
         for name, pattern in (
@@ -61,7 +61,7 @@ class Readme(unittest.TestCase):
         with redirect_stdout(said):
             self.assertEqual(tables.main(check=True), 0, said.getvalue())
 
-    def test_a_table_without_a_place_is_told(self):
+    def test_a_table_without_a_place_is_reported(self):
         with self.assertRaises(KeyError):
             tables.with_tables("a page without marks")
 

@@ -62,7 +62,7 @@ TEST_CASE("the device refuses nonsense") {
   Bench bench;
   RefusesNonsense(bench.program);
 }
-TEST_CASE("the device halts and goes on") {
+TEST_CASE("the device halts and continues") {
   Bench bench;
   HaltsAndGoesOn(bench.program);
 }
@@ -92,7 +92,7 @@ TEST_CASE("jitter and latency are reported") {
 }
 
 // The figures hold for this emulated device only, not for silicon.
-TEST_CASE("a report to send in has every part, and says why one is missing") {
+TEST_CASE("a board report has every part, with the reason for a missing one") {
   const torquer::test::TemporaryFolder folder;
   setenv("XDG_CONFIG_HOME", folder.Path().c_str(), 1);
   Bench bench;

@@ -185,7 +185,7 @@ TEST_CASE("A path at which there can be no file is refused with the reason", "[s
   CHECK(FilesIn(folder) == 1);
 }
 
-TEST_CASE("A full disk leaves the old file and nothing else", "[support]") {
+TEST_CASE("A full disk leaves only the old file", "[support]") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("file");
   WriteFileAtomically(path, "old");
@@ -207,7 +207,7 @@ TEST_CASE("A full disk leaves the old file and nothing else", "[support]") {
   CHECK(FilesIn(folder) == 1);
 }
 
-TEST_CASE("A full disk keeps what is of use by itself, beside the old file", "[support]") {
+TEST_CASE("A full disk keeps the data so far beside the old file", "[support]") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("file");
   const std::string row(999, 'x');

@@ -50,7 +50,7 @@ bool Gone(pid_t process) {
 
 }  // namespace
 
-TEST_CASE("A child's end, however it comes, and what it has said are known") {
+TEST_CASE("The end of a child and its output are reported, for any cause") {
   const TemporaryFolder folder;
   ChildProgram good(Shell("echo all is well; echo no error >&2"), folder.Path("good"));
   CHECK(EndOf(good) == 0);

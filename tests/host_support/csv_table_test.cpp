@@ -42,7 +42,7 @@ TEST_CASE("A CSV table is read as spreadsheets and R write it", "[support]") {
                     Contains("t.csv:1: semicolons separate the columns"));
 }
 
-TEST_CASE("A CSV table says what is wrong and where", "[support]") {
+TEST_CASE("A CSV table reports an error with its place", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv("no/such.csv", "a"), Contains("no/such.csv"));
   CHECK_THROWS_WITH(torquer::ReadCsv(Csv("b,a\n").path, "a,b"), Contains("t.csv"));
   const Csv wrong("b,a\n1,2\n");

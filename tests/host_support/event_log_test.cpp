@@ -85,7 +85,7 @@ std::vector<std::string> All(int from = 0, int to = kRecords, int but = -1) {
 
 }  // namespace
 
-TEST_CASE("The time between two records is what it can be, whatever was recorded") {
+TEST_CASE("The time between two records is within its limits for any records") {
   using Limits = std::numeric_limits<std::int64_t>;
   constexpr std::int64_t kYearUs = 31'536'000'000'000;
   CHECK(ElapsedUs(1'700'000'000'000'000, 1'700'000'000'000'250) == 250);
@@ -96,7 +96,7 @@ TEST_CASE("The time between two records is what it can be, whatever was recorded
   CHECK(ElapsedUs(0, kYearUs + 1) == kYearUs);
 }
 
-TEST_CASE("A whole log is read as it is", "[support]") {
+TEST_CASE("A whole log is read completely", "[support]") {
   const Outcome outcome = Read(Log());
   CHECK(outcome.read == All());
   CHECK_FALSE(outcome.damage.any());
@@ -140,8 +140,7 @@ TEST_CASE("One flipped bit anywhere in a header is found, and costs one record",
   }
 }
 
-TEST_CASE("A log that is cut anywhere gives its whole records, and says that it is cut",
-          "[support]") {
+TEST_CASE("A log cut at any place gives its whole records, and reports the cut", "[support]") {
   const std::string whole = Log();
   std::size_t records = 0;
   for (std::size_t size = 0; size <= whole.size(); ++size) {
@@ -209,7 +208,7 @@ TEST_CASE("Garbage between records is skipped and counted", "[support]") {
   }
 }
 
-TEST_CASE("Numbers show what is missing, and what is out of order", "[support]") {
+TEST_CASE("Numbers show missing records and records out of order", "[support]") {
   const Outcome gap = Read(Log(0, 2) + Log(4));
   CHECK(gap.damage.missing == 2);
   CHECK(gap.damage.places == 0);

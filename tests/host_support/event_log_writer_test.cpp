@@ -74,7 +74,7 @@ TEST_CASE("LCM reads a written log") {
   CHECK(log.readNextEvent() == nullptr);
 }
 
-TEST_CASE("A full disk leaves the whole records, and says how many") {
+TEST_CASE("A full disk leaves the whole records, and reports their number") {
   const TemporaryFolder folder;
   EventLogWriter log(folder.Path("log"));
   std::string said;

@@ -5,7 +5,7 @@
 
 using torquer::ParseNumber;
 
-TEST_CASE("A number is all of a text, or nothing", "[support]") {
+TEST_CASE("A number must be the whole text", "[support]") {
   CHECK(ParseNumber("0") == 0.0);
   CHECK(ParseNumber("-1.5") == -1.5);
   CHECK(ParseNumber("+2") == 2.0);

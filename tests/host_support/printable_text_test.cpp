@@ -5,7 +5,7 @@
 
 using torquer::Printable;
 
-TEST_CASE("Text of letters stays as it is") {
+TEST_CASE("Printable text does not change") {
   CHECK(Printable("").empty());
   CHECK(Printable("reading device A-1 at 3%, \\ and \"") == "reading device A-1 at 3%, \\ and \"");
   // Bytes of an accent, Greek, Chinese, and an emoji beyond 16 bits.

@@ -94,7 +94,7 @@ TEST_CASE("Real time takes this thread and later ones, but not who leaves it") {
         }) == "11111");
 }
 
-TEST_CASE("To leave real time that was never entered changes nothing") {
+TEST_CASE("Leaving real time without entering it has no effect") {
   CHECK(InProcess([] {
           const sched_param none{};
           if (sched_setscheduler(0, SCHED_BATCH, &none) != 0) return std::string("no batch");
@@ -103,7 +103,7 @@ TEST_CASE("To leave real time that was never entered changes nothing") {
         }) == "batch");
 }
 
-TEST_CASE("Without the limits real time is refused, and nothing stays of it") {
+TEST_CASE("Without the limits real time is refused without effect") {
   const auto refused = [](rlim_t memory_bytes, rlim_t priority) {
     return InProcess([=] {
       const rlimit memory{memory_bytes, memory_bytes};

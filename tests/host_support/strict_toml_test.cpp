@@ -26,7 +26,7 @@ TEST_CASE("A strict table refuses NaN and infinity", "[support]") {
   CHECK_THROWS_AS(table.Points("d", 2), UserError);
 }
 
-TEST_CASE("A key that nobody read is an error, with the name that was meant", "[support]") {
+TEST_CASE("An unread key is an error, with the nearest name", "[support]") {
   StrictTable table = StrictTable::Parse("segment_mm = 1\nsegmnt_mm = 2\n", "s.toml");
   table.Number("segment_mm", 0, 2);
   CHECK_THROWS_WITH(table.RefuseUnread(),
@@ -42,7 +42,7 @@ TEST_CASE("A file that is not TOML names the line", "[support]") {
   CHECK_THROWS_WITH(StrictTable::Read("no/such/file.toml"), Contains("no/such/file.toml"));
 }
 
-TEST_CASE("A key that nobody reads is refused with the keys that exist there", "[support]") {
+TEST_CASE("An unknown key is refused with the keys that exist there", "[support]") {
   const auto read = [](const std::string& text) {
     StrictTable table = StrictTable::Parse(text, "s.toml");
     table.Number("segment_mm", 0, 2, 1);
@@ -68,7 +68,7 @@ TEST_CASE("A key that nobody reads is refused with the keys that exist there", "
                     "s.toml:1: a = 1: is not a known key; remove it. This table has no keys.");
 }
 
-TEST_CASE("A strict table refuses what is missing and has no default", "[support]") {
+TEST_CASE("A strict table refuses a missing key without default", "[support]") {
   StrictTable table = StrictTable::Parse("count = 3\nnote = \"\"\nratio = 2.5\n", "s.toml");
   CHECK(table.Integer("count", 1, 3) == 3);
   CHECK(table.Integer("missing", 1, 3, 2) == 2);
@@ -129,7 +129,7 @@ TEST_CASE("Text that is nested too deeply is refused before it is parsed", "[sup
   if (whole) CHECK_NOTHROW(StrictTable::Parse(text(8), "s.toml"));
 }
 
-TEST_CASE("Brackets and dots of texts and comments are no depth", "[support]") {
+TEST_CASE("Brackets and dots of texts and comments do not count as depth", "[support]") {
   const std::string marks = std::string(500, '[') + std::string(500, '.');
   for (const std::string& text :
        {"a = \"\\\"" + marks + "\"\n", "a = '" + marks + "'\n", "# \"" + marks + "\n",

@@ -73,7 +73,7 @@ class Includes(Tree):
         circle = RULES.replace('"low" = []', '"low" = ["high"]')
         self.assertTrue(any("layers.toml: a circle" in line for line in self.violations(circle)))
         unknown = RULES.replace('"low" = []', '"low" = ["nowhere"]')
-        self.assertTrue(any("nowhere, which is no layer" in line for line in self.violations(unknown)))
+        self.assertTrue(any("nowhere, which is not a layer" in line for line in self.violations(unknown)))
 
     def test_exceptions_shrink(self):
         excepted = RULES + '"low/a.h -> high/d.h" = "until d moves"\n'
@@ -153,7 +153,7 @@ class Recipes(unittest.TestCase):
         self.assertEqual(self.recipes.unknown_studies("`torquer-study scaling`, `torquer-study trance X`", said),
                          ["trance"])
 
-    def test_where_lines_go(self):
+    def test_places_of_added_lines(self):
         registry = '#include "a.h"\n#include "b.h"\n\nauto& kinds = {\n  A(),\n};\n'
         self.assertEqual(self.recipes.with_lines(registry, ['#include "c.h"', "  C(),"], "r"),
                          '#include "a.h"\n#include "b.h"\n#include "c.h"\n\nauto& kinds = {\n  C(),\n  A(),\n};\n')

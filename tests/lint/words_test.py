@@ -45,14 +45,24 @@ class Words(unittest.TestCase):
             return [number for number, _ in self.words.source_findings(text, comments=True, names=True)]
 
         for text in ("// What is left.", "  /// Of each plane.", "# Whether it runs.", 'TEST_CASE("What is refused", "[a]") {',
-                     'SECTION("of the image") {', "    def test_what_is_refused(self):", 'test("of ten pages", async () => {'):
+                     'SECTION("of the image") {', "    def test_what_is_refused(self):", 'test("of ten pages", async () => {',
+                     "// Let d be the depth.", "/** How many differ. */", "# Where it ends.", "  ///< That curve.",
+                     "def test_where_it_ends(self):", 'SECTION("which it finds") {'):
             self.assertEqual(lines(f"int a;\n{text}\n"), [2], text)
         for text in ("// The remaining part, of what is left.", 'TEST_CASE("Offers are refused") {', "double a = 0;  ///< of the wire",
-                     "def test_whatever(self):", 'latest("of", 1);'):
+                     "def test_whatever(self):", 'latest("of", 1);', "// Letters that are left.", "// thatched", "def test_however(self):"):
             self.assertEqual(lines(f"int a;\n{text}\n"), [], text)
 
     def test_words_that_hide_a_meaning(self):
-        self.assertEqual([number for number, _ in self.words.word_findings("It starts.\nIt starts Anew.\nthe toldest\n")], [2])
+        def lines(text: str) -> list[int]:
+            return [number for number, _ in self.words.word_findings(text)]
+
+        self.assertEqual(lines("It starts.\nIt starts Anew.\nthe toldest\n"), [2])
+        for text in ("a port that is none", "for want of files", "the same of a curve", "a slope is had", "which is said once",
+                     "thereby", "whoever asks", "none is given", "thereof"):
+            self.assertEqual(lines(text), [1], text)
+        # Code phrases quote words. Other words may contain them, and other words may be between.
+        self.assertEqual(lines("`for want of files` becomes\nthe same offset\nthat is not one\nit is hadron\nsaidness"), [])
 
 
 if __name__ == "__main__":

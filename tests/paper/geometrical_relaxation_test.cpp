@@ -170,7 +170,7 @@ TEST_CASE("the interval with the largest merit is selected, its ends shrunk: (30
     REQUIRE(interval);
     CHECK(interval->nu <= 15);
   }
-  SECTION("a straight wire has nothing to relax") {
+  SECTION("a straight wire has no step") {
     CHECK_FALSE(
         SelectInterval(model, LayStraight(model, 40), std::vector<char>(41, 0), 39, settings));
   }
@@ -204,7 +204,7 @@ TEST_CASE("point slide restores lengths to rounding: (24), (25)") {
   }
 }
 
-TEST_CASE("point slide leaves a wire of equal lengths as it is") {
+TEST_CASE("point slide does not change a wire of equal lengths") {
   const WireModel model = MakeWire({.max_length_mm = 80});
   std::mt19937 random(6);
   const WireState state = Wander(model, 50, 0.1, random);
@@ -315,7 +315,7 @@ TEST_CASE("a cycle takes out short waves and leaves long ones") {
   CHECK(part(relaxation.curve(), 1) > 0.7 * part(before.nodes(), 1));
 }
 
-TEST_CASE("where the tip would go too far, zeta keeps it within lambda") {
+TEST_CASE("zeta limits the motion of the tip to lambda") {
   const WireModel model = MakeWire({.max_length_mm = 80, .sheath = {{0, 0.4, 0}, {1, 0, 0}}});
   WireState state = LayAngles(model, Hump(0.9, 0.5));
   const WireState before = state;
@@ -330,7 +330,7 @@ TEST_CASE("where the tip would go too far, zeta keeps it within lambda") {
   CHECK(gone > 0.95);
 }
 
-TEST_CASE("where the new curve meets the wall, zeta stops short of it") {
+TEST_CASE("zeta ends the new curve before the wall") {
   const WireModel model = MakeWire({.max_length_mm = 80, .sheath = {{0, 0.47, 0}, {1, 0, 0}}});
   // Towards the floor, then up and over it: the smooth curve would continue into the floor.
   std::vector<double> angles(32, 0.0);
@@ -359,7 +359,7 @@ TEST_CASE("where the new curve meets the wall, zeta stops short of it") {
   CHECK(lowest(relaxation.zeta() + 0.002) < 0);
 }
 
-TEST_CASE("without two contacts there is no cycle") {
+TEST_CASE("a cycle needs two contacts") {
   const WireModel model = MakeWire({.max_length_mm = 80});
   const WireState state = LayAngles(model, Hump(0.4, 0.2));
   const FreeSpace field;

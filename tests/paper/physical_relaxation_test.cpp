@@ -178,7 +178,7 @@ TEST_CASE("an update is bounded by du_max / sqrt(n + 1 - i): (18)") {
   CHECK(bounded > 10);
 }
 
-TEST_CASE("an update moves what is distal rigidly and nothing else") {
+TEST_CASE("an update moves only the distal part, rigidly") {
   const WireModel model =
       MakeWire({.tip_mm = 6, .tip_curvature_1_per_mm = 0.1, .max_length_mm = 40});
   const FreeSpace field;
@@ -298,7 +298,7 @@ TEST_CASE("skipped look-ups change no bit") {
   CHECK(lookups[1] < lookups[0] / 2);
 }
 
-TEST_CASE("without a wall cycles bend the tip to its rest shape, whichever way it is turned: (5)") {
+TEST_CASE("without a wall cycles bend the tip to its rest shape, for any rotation: (5)") {
   const double rotation = GENERATE(0.0, 1.0, -2.5);
   const WireModel model =
       MakeWire({.tip_mm = 4, .tip_curvature_1_per_mm = 0.15, .max_length_mm = 40});

@@ -58,7 +58,7 @@ TEST_CASE("a segment is inserted just before the tip, parallel to the one before
   CHECK(HashState(state) == HashState(start));
 }
 
-TEST_CASE("a wire retracted to nothing is the wire at the start") {
+TEST_CASE("a fully retracted wire is the wire at the start") {
   Case c(PaperCycles::kNone);
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
   relaxation.Restart(c.state);
@@ -130,7 +130,7 @@ TEST_CASE("an action interrupts a cycle, which then starts again") {
   CHECK(after.updates == 81 * 82 / 2);
 }
 
-TEST_CASE("actions come first, and what is less than a segment is carried") {
+TEST_CASE("actions come first, and less than a segment is carried") {
   Case c;
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
   relaxation.Restart(c.state);
@@ -201,7 +201,7 @@ TEST_CASE("cycles bring the wire nearer to equilibrium") {
   CHECK(report.max_penetration_mm < 0.1);
 }
 
-TEST_CASE("a tick allocates nothing") {
+TEST_CASE("a tick does not allocate") {
   Case c;
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
   relaxation.Restart(c.state);

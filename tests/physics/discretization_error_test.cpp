@@ -91,7 +91,7 @@ struct Case {
   bool turns = false;
 };
 
-TEST_CASE("In free space a wire knows how far finer segments would move it") {
+TEST_CASE("In free space the estimate is the motion by finer segments") {
   constexpr double kRigidity = 2.5;
   const double unit_N = kRigidity / (40 * 40);
   const Vector3d none = Vector3d::Zero();
@@ -138,7 +138,7 @@ TEST_CASE("In free space a wire knows how far finer segments would move it") {
   }
 }
 
-TEST_CASE("The estimate changes nothing, takes no heap and is the same again") {
+TEST_CASE("The estimate does not change the wire, takes no heap and is repeatable") {
   EndForce force(Vector3d(0, 1e-3, 0));
   const FreeSpace field;
   Settled once({.segment_mm = 1, .rigidity_N_mm2 = 0.5, .max_length_mm = 80}, 40, {&force}, field);
@@ -157,7 +157,7 @@ TEST_CASE("The estimate changes nothing, takes no heap and is the same again") {
   CHECK(once.relaxation->Hash(1) == asked.relaxation->Hash(1));
 }
 
-TEST_CASE("Where it does not know how far it is, a wire says so") {
+TEST_CASE("An unknown estimate is reported as unknown") {
   const FreeSpace free;
   EndForce force(Vector3d(0, 1e-3, 0));
   LostWork lost;

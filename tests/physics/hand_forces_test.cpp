@@ -289,7 +289,8 @@ TEST_CASE("Instruments that bend each other push and turn with the energy that t
   }
 }
 
-TEST_CASE("Friction between instruments is the same on any mesh, whatever steps in them") {
+TEST_CASE(
+    "Friction between instruments is the same on any mesh, with any steps in their properties") {
   // Rest shapes and rigidities have steps in a bend, where the exchanged moments are couples.
   const auto friction_N = [](double segment_mm) {
     Round round(Bent(3, segment_mm), {{95.3, 0.4}, {71.2, 0.7}, {40.4, 0}});

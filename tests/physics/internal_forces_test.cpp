@@ -60,7 +60,7 @@ TEST_CASE("Along a bent cantilever tension and moment are those of the elastica"
   }
 }
 
-TEST_CASE("A hanging wire bears at each node the weight of what is below") {
+TEST_CASE("The tension of a hanging wire at each node is the weight below") {
   constexpr double kLength = 39.3;
   constexpr double kWeight = 1e-4;  // N/mm
   const double segment_mm = GENERATE(2.0, 0.25);

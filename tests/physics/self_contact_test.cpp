@@ -61,7 +61,7 @@ Vector3d Press() {
   return 1e-6 * Vector3d::UnitX().cross(normal) - 2e-7 * normal;
 }
 
-TEST_CASE("Contact of a wire with itself adds nothing to the force and moment at its sheath") {
+TEST_CASE("Contact of a wire with itself does not change the force and moment at its sheath") {
   const double torsional_ratio = GENERATE(0.0, 0.7);
   const bool touches = GENERATE(true, false);
   Loop loop(torsional_ratio, 1, Press(), Eigen::Matrix3d::Identity(), touches);

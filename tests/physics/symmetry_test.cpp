@@ -50,7 +50,7 @@ struct Bench {
   }
 };
 
-TEST_CASE("A vessel moved and turned moves and turns the wire, and nothing else") {
+TEST_CASE("A motion of the vessel moves the wire with it, without other changes") {
   const Torus field(Side::kInside, 30, 3);
   WireParameters parameters{.segment_mm = 1,
                             .tip_mm = 8,

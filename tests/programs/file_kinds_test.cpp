@@ -192,7 +192,7 @@ TEST_CASE("A disk that fills up ends a script, and the rows before are kept", "[
   CHECK(fs::file_size(bench.Path("states.partial")) > 100'000);
 }
 
-TEST_CASE("A script that is stopped leaves whole rows, or nothing", "[programs]") {
+TEST_CASE("A stopped script leaves whole rows, or no file", "[programs]") {
   const Bench bench;
   WriteLongScript(bench.Path("script.csv"));
   fs::create_directory(bench.Path("states"));

@@ -157,7 +157,7 @@ TEST_CASE("An option that is not given keeps its default", "[programs]") {
   CHECK(sample.integer == 3);
 }
 
-TEST_CASE("A bad command line is refused with option, value and remedy, and nothing runs",
+TEST_CASE("A bad command line is refused with option, value and remedy, before any action",
           "[programs]") {
   const auto [words, expected] = GENERATE(table<std::vector<std::string>, std::string>({
       {{"--number", "abc"},

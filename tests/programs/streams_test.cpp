@@ -120,7 +120,7 @@ const std::array<Stream, 4> kBad = {Stream::kClosed, Stream::kFull, Stream::kLim
 
 }  // namespace
 
-TEST_CASE("No state of standard input changes what a program says", "[programs]") {
+TEST_CASE("No state of standard input changes the output of a program", "[programs]") {
   for (const std::string& program : torquer::test::Programs()) {
     for (const bool fails : {false, true}) {
       const std::vector<std::string> words =
@@ -139,7 +139,7 @@ TEST_CASE("No state of standard input changes what a program says", "[programs]"
   }
 }
 
-TEST_CASE("A program ends well whatever standard output and error are", "[programs]") {
+TEST_CASE("A program ends correctly for any state of standard output and error", "[programs]") {
   for (const std::string& program : torquer::test::Programs()) {
     const std::vector<std::string> fails = FailingWords(program);
     for (const Stream bad : kBad) {

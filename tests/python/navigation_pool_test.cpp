@@ -67,7 +67,7 @@ std::vector<double> Action(std::size_t index, int step, std::size_t size) {
   return action;
 }
 
-TEST_CASE("Environments in threads do what they do in one, whoever is waited for first") {
+TEST_CASE("Environments give the same in threads as in one, for any order of waiting") {
   constexpr int kSteps = 12;
   const Scene scene = TwoBranches();
   const NavigationTask task = IntoTheSide(scene);
@@ -106,7 +106,7 @@ TEST_CASE("Environments in threads do what they do in one, whoever is waited for
   CHECK(*std::max_element(side.facts().begin(), side.facts().end()) > 0);
 }
 
-TEST_CASE("A number that is none is refused by an environment, and changes nothing") {
+TEST_CASE("An environment refuses NaN and infinity without effect") {
   const Scene scene = TwoBranches();
   Navigation environment(scene, IntoTheSide(scene));
   environment.Reset({.rotation_rad = 0.5});

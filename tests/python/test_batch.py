@@ -34,7 +34,7 @@ def worker_processes(process):
     return found
 
 
-def test_a_case_is_what_a_single_run_of_the_simulator_is(study, tmp_path):
+def test_a_case_equals_a_single_run_of_the_simulator(study, tmp_path):
     script = tmp_path / "moves.csv"
     # Excel writes a byte order mark first.
     script.write_text("\ufefftime_s,guidewire.insertion_mm,guidewire.rotation_rad\n0.5,20,0.5\n1,45,1\n1.5,70,-1\n")
@@ -86,7 +86,7 @@ def test_a_reading_that_is_not_known_is_null_and_stays_stored(study, tmp_path):
     assert (out / "readings.jsonl").read_text() == text
 
 
-def test_nothing_that_is_stored_is_run_again_and_what_changed_is(study, tmp_path):
+def test_stored_cases_are_not_run_again_and_changed_ones_are(study, tmp_path):
     out = tmp_path / "out"
     ran = []
     first = torquer.batch.run(str(study(cases(6))), str(out), on_case=ran.append)
@@ -190,7 +190,7 @@ def test_a_surface_that_changes_while_it_is_read(study, tmp_path, monkeypatch):
     assert lines(tmp_path / "out") == 0
 
 
-def test_workers_that_are_killed_lose_nothing(study, tmp_path):
+def test_killed_workers_lose_no_case(study, tmp_path):
     out = tmp_path / "out"
     process = start(study(cases(1000)), out, "--workers", 2)
     for stored in (50, 300):
@@ -271,7 +271,7 @@ def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
     check_whole(out, 600)
 
 
-def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
+def test_a_failing_case_is_listed_and_the_rest_continues(study, tmp_path):
     far = MOTION.replace("push", "far").replace("duration_s = 1", "duration_s = 1e4\nrow_s = 1e3")
     path = study(f'scenes = ["ty_phantom"]\n{MOTION}{far}', "partly")
     out = tmp_path / "out"

@@ -63,7 +63,7 @@ def target(tmp_path):
 
 
 @pytest.mark.parametrize("what", FOREIGN)
-def test_a_folder_of_the_user_is_refused_and_stays_as_it_is(study, tmp_path, target, what):
+def test_a_folder_of_the_user_is_refused_and_stays_unchanged(study, tmp_path, target, what):
     out = tmp_path / "out"
     out.mkdir()
     put(out, target, FOREIGN[what])

@@ -276,7 +276,7 @@ def test_training_takes_longer_segments():
     assert np.linalg.norm(shapes[0][-1] - shapes[1][-1]) < 0.5
 
 
-def test_a_vector_refuses_what_it_cannot_use():
+def test_a_vector_refuses_unusable_arguments():
     make = torquer.envs.VectorEnv
     with pytest.raises(torquer.Error, match="no task 'aorta'; there are: ty_phantom"):
         make("aorta", 2)
@@ -304,7 +304,7 @@ NOT_FINITE = [math.nan, math.inf, -math.inf]
 
 
 @pytest.mark.parametrize("bad", NOT_FINITE)
-def test_a_number_that_is_none_is_refused_and_changes_nothing(env, bad):
+def test_nan_is_refused_without_effect(env, bad):
     observation, _ = env.reset(seed=3)
     push(env, 3)
     here = env.simulation.state_hash
@@ -357,7 +357,7 @@ def test_a_reset_that_is_refused_does_not_keep_the_next_from_it(bad):
 
 
 @pytest.mark.parametrize("at_work", [False, True])
-def test_a_forked_child_is_told_to_make_its_own(at_work):
+def test_a_forked_child_must_make_a_new_one(at_work):
     many = torquer.envs.VectorEnv("ty_phantom", 2, 2)
     many.reset(seed=1)
     if at_work:

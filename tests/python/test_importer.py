@@ -217,7 +217,7 @@ def test_refused_seeds(angiography, imported):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_import_that_is_stopped_leaves_nothing(imported, tmp_path, number):
+def test_a_stopped_import_leaves_no_files(imported, tmp_path, number):
     words = [imported / "scan.nii.gz", "--seed=0,0,30", "--out", tmp_path / "patient"]
     process = subprocess.Popen([sys.executable, "-B", "-m", "torquer.importer", *words], stderr=subprocess.PIPE, text=True)
     # The first step is announced when the folder exists and the scan is not read yet.

@@ -111,7 +111,7 @@ def test_an_open_surface_becomes_a_case_that_runs(vessel, tmp_path):
 
 
 def test_lines_of_vmtk_that_share_their_trunk_are_a_tree(tmp_path):
-    # Where they share it, they differ by less than a tenth of its radius.
+    # Their shared parts differ by less than a tenth of its radius.
     points, radii = way(TRUNK, LEFT)
     points[1:-1, 0] += 0.1
     vmtk_file(tmp_path / "lines.vtp", [way(TRUNK, RIGHT), (points, radii)])

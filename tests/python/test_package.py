@@ -124,7 +124,7 @@ def test_copies_and_restoring(phantom):
     assert simulation.state_hash == torquer.Simulation(phantom).state_hash
 
 
-def test_scenes_are_pickled_by_what_they_say(phantom):
+def test_scenes_are_pickled_by_their_text(phantom):
     again = pickle.loads(pickle.dumps(phantom))
     assert again.content_hash == phantom.content_hash
     assert again.text == phantom.text
@@ -139,7 +139,7 @@ def test_a_scene_from_text(phantom):
         torquer.Scene.from_text("nonsense")
 
 
-def test_a_scene_tells_of_its_vessel(phantom):
+def test_a_scene_describes_its_vessel(phantom):
     assert phantom.name == "ty_phantom"
     assert [i.name for i in phantom.instruments] == ["guidewire"]
     assert phantom.instruments[0].max_length_mm > 0
@@ -179,7 +179,7 @@ def beating():
     return torquer.Scene(str(SCENES / "coronary.toml"))
 
 
-def test_a_step_tells_of_its_ticks(beating):
+def test_a_step_calls_back_for_each_tick(beating):
     simulation = torquer.Simulation(beating)
     pictures = []
 
@@ -261,7 +261,7 @@ def test_unusable_values_are_refused(phantom, time_s, hands, said):
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
-def test_a_number_that_is_none_is_refused(phantom, bad):
+def test_nan_is_refused(phantom, bad):
     simulation = torquer.Simulation(phantom)
     here = simulation.state_hash
     hands = simulation.hands

@@ -51,14 +51,14 @@ def bad(request, tmp_path):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_output_that_cannot_be_written_is_said(command, bad):
+def test_failed_output_is_reported(command, bad):
     status, _, error = run(command, "--help", **bad("stdout", 1))
     assert status == 2
     assert error == f"{command}: standard output cannot be written; is the disk full, or its reader gone?\n"
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_messages_that_are_lost_change_nothing(command, bad):
+def test_lost_messages_have_no_effect(command, bad):
     status, output, _ = run(command, "--help", **bad("stderr", 2))
     assert status == 0 and output.startswith(f"usage: {command}")
     # No part of a message goes to another stream.
@@ -84,7 +84,7 @@ def test_all_streams_closed(command):
     assert run(command, "none", closed=(0, 1, 2))[0] == 2
 
 
-def test_a_name_that_is_no_text_is_shown_by_escapes(tmp_path):
+def test_an_undecodable_name_is_shown_by_escapes(tmp_path):
     states = tmp_path / "states.jsonl"
     states.write_text('{"time_s": 1, "nodes_mm": [[0, 0, 0]]}\n')
     target = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.csv")

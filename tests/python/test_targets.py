@@ -52,7 +52,7 @@ def test_targets_are_chosen_and_refused():
         torquer.envs.NavigationEnv("ty_phantom", dataclasses.replace(BASE, other_targets=(("lad", 1.0),)))
 
 
-def test_a_reached_target_ends_the_episode_of_its_own():
+def test_a_reached_target_ends_its_episode():
     task = dataclasses.replace(BASE, max_steps=400, other_targets=(("main", 30.0),))
     env = torquer.envs.NavigationEnv("ty_phantom", task)
     steps = {}

@@ -19,7 +19,7 @@ def read(path):
     return reader.GetOutput()
 
 
-def test_vtk_reads_what_is_exported(tmp_path):
+def test_vtk_reads_exported_files(tmp_path):
     text = open(torquer.scene_path("drill_tube"), encoding="utf-8").read() + "\n[effects.internal_forces]\n"
     simulation = torquer.Simulation(torquer.Scene.from_text(text, str(tmp_path)))
     hands = simulation.hands

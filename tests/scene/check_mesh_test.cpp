@@ -65,7 +65,7 @@ TEST_CASE("The scene that --check-mesh proposes can be simulated", "[scene]") {
   }
 }
 
-TEST_CASE("A mesh check says why a surface does not load, and draws where", "[scene]") {
+TEST_CASE("A mesh check reports why a surface does not load, and draws the places", "[scene]") {
   const TemporaryFolder folder;
   torquer::vessel::TriangleMesh mesh = torquer::vessel::MakeTubeMesh();
   mesh.triangles.push_back({100, 101, 300});  // a wall inside the lumen

@@ -98,7 +98,7 @@ TEST_CASE("The rigidity of every device follows from the figures of its sources"
   CHECK(thickest_mm == Approx(0.038 * kMmPerInch));
 }
 
-TEST_CASE("An instrument has what its device has, but for what the scene gives", "[scene]") {
+TEST_CASE("An instrument has the values of its device, except those in the scene", "[scene]") {
   const DeviceSpec device = ReadDevice("microcatheter_2_7f");
   const auto read = [](const std::string& more) {
     return ParseScene(torquer::test::SceneText(kLibraryCatheter + more), "small.toml", {});
@@ -122,7 +122,7 @@ TEST_CASE("An instrument has what its device has, but for what the scene gives",
   CHECK(Scene(plain).content_hash() != Scene(other).content_hash());
 }
 
-TEST_CASE("A device that cannot be is refused with what there is", "[scene]") {
+TEST_CASE("An unknown device is refused with the known ones", "[scene]") {
   const auto scene = [](const std::string& device) {
     return torquer::test::SceneText(
         "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\ninner_radius_mm = 0.3\n"

@@ -131,7 +131,7 @@ std::string Nested(const std::string& effects) {
 
 }  // namespace
 
-TEST_CASE("Prices change nothing that is simulated", "[simulator]") {
+TEST_CASE("Measuring prices does not change the simulation", "[simulator]") {
   const std::string text = GENERATE(Shipped("calcified"), Shipped("buddy_wire"),
                                     Shipped("buddy_wire") + "[effects.torsion]\n", Nested(""),
                                     Nested("[effects.clearance]\n"), Nested("[effects.inertia]\n"));

@@ -35,7 +35,7 @@ void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 #endif
 
-TEST_CASE("A session goes on without looking ahead when the memory runs out there", "[simulator]") {
+TEST_CASE("A session continues without building ahead when memory runs out", "[simulator]") {
   if (torquer::test::kUnderSanitizer) {
     WARN("skipped: memory cannot be made short under a sanitizer");
     return;

@@ -143,7 +143,7 @@ TEST_CASE("An instrument has one sender, until that is silent for a second", "[s
   CHECK(commands.TakeNews().empty());
 }
 
-TEST_CASE("The numbers of a sender never go back, and lock nobody out", "[simulator]") {
+TEST_CASE("The numbers of a sender never decrease, and block no other sender", "[simulator]") {
   Fixture fixture;
   LiveCommands& commands = fixture.commands();
   std::int64_t now_us = kStartUs;
@@ -290,7 +290,7 @@ TEST_CASE("Settings of the X-ray system stay when their sender is silent", "[sim
   CHECK_THAT(commands.State(), Catch::Contains("no commands for guidewire"));
 }
 
-TEST_CASE("The X-ray system has one sender, and what it cannot be set to is refused and named",
+TEST_CASE("The X-ray system has one sender, and impossible settings are refused and named",
           "[simulator]") {
   Fixture fixture;
   LiveCommands& commands = fixture.commands();

@@ -187,7 +187,7 @@ TEST_CASE("Live, commands that stop leave a state in doubt, and health says whos
   CHECK(live.Send("guidewire", 3, 0.1, [&] { return !in_doubt() && last_state_is("running"); }));
 }
 
-TEST_CASE("Live, a second hand moves nothing, and health names it", "[simulator]") {
+TEST_CASE("Live, a second hand has no effect, and health names it", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
   const SceneFile file;
   LiveScene live(file.path());

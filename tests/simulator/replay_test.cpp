@@ -110,7 +110,7 @@ TEST_CASE("States that were not recorded are made up for by those after them", "
   CHECK(result.differing == 0);
 }
 
-TEST_CASE("A log without most shapes is repeated, over gaps too, and says so", "[simulator]") {
+TEST_CASE("A log without most shapes is repeated, over gaps too, and reports this", "[simulator]") {
   const SceneFile file(torquer::test::kMicrocatheter);
   // Thins as the recorder does: a shape every 50 ticks, the past every 16.
   const auto thin = [](torquer_lcm::wire_state_t& state) {
@@ -157,7 +157,7 @@ TEST_CASE("A log without most shapes is repeated, over gaps too, and says so", "
   CHECK_THROWS_WITH(replay(unbridged(145, 147)), Contains("the state of tick 144 is followed by"));
 }
 
-TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") {
+TEST_CASE("A replay finds one flipped bit in a state", "[simulator]") {
   const SceneFile file;
   constexpr std::int64_t kSpoiled = 6;
   torquer::scene::Scene scene(file.path());
@@ -196,7 +196,7 @@ TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") 
   CHECK(spoiled > (torquer::test::kUnderSanitizer ? 3 : 20));
 }
 
-TEST_CASE("A replay of a damaged log goes on after the damage, and is not clean", "[simulator]") {
+TEST_CASE("A replay of a damaged log continues after the damage, and is not clean", "[simulator]") {
   const SceneFile file;
   Record(file.path(), file.Beside("log"), 40, Keep);
   torquer::scene::Scene scene(file.path());

@@ -85,7 +85,7 @@ constexpr char kHeartbeat[] =
 
 }  // namespace
 
-TEST_CASE("With friction the size of the rows does not decide where the wire goes", "[simulator]") {
+TEST_CASE("The size of the rows does not change the path of a wire with friction", "[simulator]") {
   // Through the arch into a branch. The hand avoids bifurcations at which rounding would decide
   // between two paths (host/simulator/core/README.md, section 9).
   torquer::scene::Scene scene(torquer::test::SourcePath("/host/scenes/neuro_arch.toml"));
@@ -108,7 +108,7 @@ TEST_CASE("With friction the size of the rows does not decide where the wire goe
   }
 }
 
-TEST_CASE("Where snaps take time the size of the rows does not decide where the wire goes",
+TEST_CASE("The size of the rows does not change the path of a wire whose snaps take time",
           "[simulator]") {
   const torquer::test::SceneFile file(std::string("linear_density_g_m = 0.7\n[effects.inertia]\n") +
                                       torquer::test::kFriction);
@@ -130,7 +130,7 @@ TEST_CASE("Where snaps take time the size of the rows does not decide where the 
   }
 }
 
-TEST_CASE("Where the vessel moves a script ends in the same place in rows of any length",
+TEST_CASE("A script in a moving vessel ends in the same place in rows of any length",
           "[simulator]") {
   const torquer::test::SceneFile file(std::string(torquer::test::kFriction) + kHeartbeat);
   const auto reference = Script(file, 0.02);
@@ -148,7 +148,7 @@ TEST_CASE("Where the vessel moves a script ends in the same place in rows of any
   }
 }
 
-TEST_CASE("Where nothing depends on time a row is one tick, however long", "[simulator]") {
+TEST_CASE("A row of any length is one tick if no effect depends on time", "[simulator]") {
   const torquer::test::SceneFile file(torquer::test::kFriction);
   const auto fast = Script(file, 0.5);
   const auto slow = Script(file, 0.5, 50);

@@ -72,7 +72,7 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
   }
 }
 
-TEST_CASE("States tell of forces only where the scene asks for them", "[simulator]") {
+TEST_CASE("States have forces only if the scene names internal_forces", "[simulator]") {
   const bool asked = GENERATE(false, true);
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +
                        (asked ? "[effects.internal_forces]\n" : ""));
@@ -171,7 +171,7 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
   refuse("lao_dg", {"did you mean lao_deg?"});
 }
 
-TEST_CASE("A command beyond an instrument's length is said to be clamped, and is", "[simulator]") {
+TEST_CASE("A command beyond an instrument's length is clamped, which is reported", "[simulator]") {
   const SceneFile file(torquer::test::kMicrocatheter);
   // At the start 120 of 200 mm and 60 of 150 mm are inserted.
   Write(file.Beside("s.csv"),
@@ -189,7 +189,7 @@ TEST_CASE("A command beyond an instrument's length is said to be clamped, and is
   CHECK(rows[2]["guidewire.insertion_mm"].get<double>() == Approx(190));
 }
 
-TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
+TEST_CASE("A bad script is refused and leaves no file", "[simulator]") {
   const SceneFile file;
   const torquer::Scene scene = torquer::Scene::FromFile(file.path());
   const auto refuse = [&](const std::string& text, const std::string& said) {
@@ -254,7 +254,7 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   CHECK(readings["retracted_mm"] == 5);
 }
 
-TEST_CASE("A record without a converged tick has null where nothing is known", "[simulator]") {
+TEST_CASE("A record without a converged tick has null for unknown values", "[simulator]") {
   const SceneFile file(std::string("[relaxation]\ntolerance = 1e-10\nbudget_units = 1\n") +
                        kAssessed);
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,3,0\n1,9,1\n2,20,2\n");
@@ -317,7 +317,7 @@ TEST_CASE("Live, the record is written when the session ends", "[simulator]") {
   CHECK((success.is_null() || success == 0));
 }
 
-TEST_CASE("The program ends with 2 and a sentence on what it cannot use", "[simulator]") {
+TEST_CASE("The program ends with 2 and the reason for unusable input", "[simulator]") {
   const std::string program = torquer::test::ProgramPath("torquer-simulator");
   const SceneFile file;
   const auto refuse = [&](const std::vector<std::string>& words, const std::string& said) {

@@ -117,7 +117,7 @@ def test_a_bad_row_is_refused_after_the_answers_before_it(rows, answers, said):
     assert said in done.stderr
 
 
-def test_a_row_beyond_the_instrument_is_said_to_be_clamped_once():
+def test_a_clamped_row_is_reported_once():
     rows = HEADER + "0,0,0\n10,9000,0\n20,9100,0\n"
     done = subprocess.run(
         command("--script", "-", "--states", "-", "--fields", "time_s"),

@@ -134,7 +134,7 @@ bool InOrder(const WireState& state, const std::vector<BetweenCurves>& between) 
   return true;
 }
 
-TEST_CASE("Whatever hands do with instruments beside each other, none passes through another") {
+TEST_CASE("Instruments beside each other never pass through each other, for any hands") {
   const auto layout = GENERATE(kTwoWires, kBesideCatheter, kInGuide);
   const char* text = std::getenv("TORQUER_SEED");
   const unsigned first =

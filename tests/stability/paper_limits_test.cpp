@@ -94,7 +94,7 @@ TEST_CASE("Fed exactly head-on into a blind end Newton's wire buckles, the paper
   CHECK(deepest(paper) > 70);
 }
 
-TEST_CASE("A very stiff wire leaves the lumen by either method, and the report says how far") {
+TEST_CASE("A very stiff wire leaves the lumen by either method, and the report has the depth") {
   const Torus field(Side::kInside, 30, 3);
   const WireModel model = MakeWire({.rigidity_N_mm2 = 6.35e3,
                                     .max_length_mm = 70,

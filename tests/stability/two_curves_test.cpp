@@ -82,7 +82,7 @@ void CheckCurves(const Drawn& drawn) {
   CHECK(std::isfinite(drawn.relaxation->Current().energy_mJ));
 }
 
-TEST_CASE("Whatever hands do with instruments that have room, both curves stay whole") {
+TEST_CASE("Curves of instruments with room stay valid, for any hands") {
   const char* text = std::getenv("TORQUER_SEED");
   const unsigned first =
       text == nullptr ? 1 : static_cast<unsigned>(std::strtoul(text, nullptr, 10));

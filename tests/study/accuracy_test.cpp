@@ -185,7 +185,7 @@ TEST_CASE("A case is measured against its reference") {
   CHECK(literal.error_mean_mm + literal.basin_changes > 2 * usual.error_mean_mm);
 }
 
-TEST_CASE("The front holds what nothing beats in both") {
+TEST_CASE("The front has the points that no other point beats in both") {
   const std::vector<FrontPoint> front = ParetoFront(
       {{"slow", "", 10, 0.01}, {"fast", "", 1, 1}, {"beaten", "", 11, 0.02}, {"mid", "", 3, 0.1}});
   REQUIRE(front.size() == 3);

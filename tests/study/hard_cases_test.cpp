@@ -162,7 +162,7 @@ TEST_CASE("The soak has a million actions in turn and every size") {
     CHECK(names.contains(size));
 }
 
-TEST_CASE("torture runs what a seed decides, the same again") {
+TEST_CASE("torture repeats the run of a seed") {
   const TemporaryFolder folder;
   const auto rows = [&] {
     ChildProcess program({torquer::test::kStudyProgram, "torture", "--seconds", "0", "--seed", "2",
@@ -192,7 +192,7 @@ TEST_CASE("torture draws hands in the scene that --scene names") {
   CHECK(output.find("\"cases\",\"value\":1") != std::string::npos);
 }
 
-TEST_CASE("torture refuses what it cannot do") {
+TEST_CASE("torture refuses impossible options") {
   const auto words = GENERATE(std::vector<std::string>{"--seconds", "soon"},
                               std::vector<std::string>{"--seconds", "-1"},
                               std::vector<std::string>{"--seed", "1.5"},

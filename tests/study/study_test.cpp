@@ -85,7 +85,7 @@ TEST_CASE("a finished run leaves whole files") {
   }
 }
 
-TEST_CASE("a file that cannot be replaced leaves nothing half-written") {
+TEST_CASE("a file that cannot be replaced stays complete") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("taken");
   std::filesystem::create_directory(path);
@@ -180,7 +180,7 @@ TEST_CASE("numbers read like people write them") {
   CHECK(Number(3.14e-7) == "3.14e-07");
 }
 
-TEST_CASE("bad arguments end the program with status 2 and say what is right") {
+TEST_CASE("bad arguments end the program with status 2 and the valid values") {
   const auto words = GENERATE(std::vector<std::string>{}, std::vector<std::string>{"nothing"},
                               std::vector<std::string>{"paper", "--what"},
                               std::vector<std::string>{"paper", "--out"});

@@ -69,7 +69,7 @@ class Hand {
 
 }  // namespace
 
-TEST_CASE("A mouse is calibrated by its raw deltas, whatever its resolution") {
+TEST_CASE("A mouse of any resolution is calibrated by its raw deltas") {
   torquer::test::NeedPrivateNetworkAndDevices();
   TemporaryFolder folder;
   EvdevTestbed testbed;

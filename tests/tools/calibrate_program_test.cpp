@@ -152,7 +152,7 @@ TEST_CASE("Bad strokes are reported with the reason, and others asked for") {
         Approx(150.0 / std::hypot(7087, 124)));
 }
 
-TEST_CASE("Whatever ends a run early, the old file stays as it was") {
+TEST_CASE("After any early end of a run, the old file stays") {
   Bench bench;
   SECTION("given up") {
     CHECK(bench.Run(kBegin + Pushes(2) + "quit\n") == 130);
@@ -162,7 +162,7 @@ TEST_CASE("Whatever ends a run early, the old file stays as it was") {
     CHECK(bench.Run(kBegin + Pushes(6) + Turns(3)) == 2);
     CHECK_THAT(bench.error, Contains("the script ended in the step 'turns'"));
   }
-  SECTION("a script that is none") {
+  SECTION("an invalid script") {
     CHECK(bench.Run("nonsense\n") == 2);
     CHECK_THAT(bench.error, Contains("torquer-calibrate: ") && Contains("a.script:1: "));
   }
@@ -194,7 +194,7 @@ TEST_CASE("Whatever ends a run early, the old file stays as it was") {
   bench.CheckUntouched();
 }
 
-TEST_CASE("Ctrl-C in the middle of a run leaves the old file as it was") {
+TEST_CASE("Ctrl-C in the middle of a run keeps the old file") {
   Bench bench;
   torquer::test::SocketDevice device(bench.folder.Path("socket"));
   ChildProcess program({kProgram, "--source", "socket", "--socket", bench.folder.Path("socket"),
@@ -235,7 +235,7 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are repor
   bench.CheckUntouched();
 }
 
-TEST_CASE("The sample run does what it is documented to do") {
+TEST_CASE("The sample run works as documented") {
   const std::string sample = torquer::test::SourcePath("/calibration/sample.script");
   TemporaryFolder folder;
   ChildProcess program({kProgram, "--script", sample, "--output", folder.Path("sample.toml")});

@@ -86,7 +86,7 @@ TEST_CASE("The picture holds a mark for each stroke that was used") {
   CHECK_THAT(picture, Contains("Pushes: unwanted turning") && Contains("Turns: rotation"));
 }
 
-TEST_CASE("The verdict is in plain words, and says what would help") {
+TEST_CASE("The verdict is in plain words, with the remedy") {
   ProcedureSettings settings;
   CHECK(GradeOf(Sample().fit) == Grade::kGood);
   CHECK_THAT(torquer::tools::Verdict(Sample(), settings),

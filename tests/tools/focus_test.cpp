@@ -123,7 +123,7 @@ TEST_CASE("A picture is shown as characters, as shades of gray, and as PNG") {
   CHECK(at(width / 2, width - 1) == Approx(127.5).margin(8));
 }
 
-TEST_CASE("The view says that an assembly is right, and keeps the picture") {
+TEST_CASE("The view approves a good assembly, and keeps the picture") {
   Bench bench;
   const int status = bench.Focus();
   CAPTURE(bench.said);
@@ -139,7 +139,7 @@ TEST_CASE("The view says that an assembly is right, and keeps the picture") {
   CHECK(bench.violations == 0);
 }
 
-TEST_CASE("The view says what is wrong with an assembly") {
+TEST_CASE("The view names the problems of an assembly") {
   RunOptions options;
   std::string wanted;
   SECTION("light falls from the side") {
@@ -185,7 +185,7 @@ TEST_CASE("The focus is sought over the shims, from run to run") {
   CHECK(Contents(file) == "shims_mm,sharpness\n0.2,dull\n");
 }
 
-TEST_CASE("Without a picture the view says why, and keeps none") {
+TEST_CASE("Without a picture the view reports the reason, and keeps none") {
   RunOptions options;
   options.faults.push_back({0, 1e5});
   Bench bench(options);

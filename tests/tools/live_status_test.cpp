@@ -109,7 +109,7 @@ TEST_CASE("An instrument that leaves the model is news, and stands in the line")
         "left the model");
 }
 
-TEST_CASE("Nothing on the bus is said so") {
+TEST_CASE("A silent bus is reported") {
   tools::LiveStatus status(7);
   CHECK(status.Line(1, kNowUs) ==
         "no scene | no wire yet | device no daemon | 0 reports/s, 0 lost | 0 states/s, latency -");
@@ -193,7 +193,7 @@ TEST_CASE("Values that no longer arrive are shown as old, not as current") {
   CHECK_THAT(status.Line(1, kNowUs + 5'000'000), Catch::Contains("| ok |"));
 }
 
-TEST_CASE("Text and numbers of strangers do no harm") {
+TEST_CASE("Text and numbers of other programs are harmless") {
   tools::LiveStatus status(7);
   torquer_lcm::scene_description_t scene{};
   scene.name = "arch\x1b[2J";

@@ -227,7 +227,7 @@ TEST_CASE("a value depends neither on the order of building nor on threads", "[t
   for (const uint64_t hash : seen) CHECK(hash == expected);
 }
 
-TEST_CASE("only what is looked at is built, and looking again builds and allocates nothing",
+TEST_CASE("look-ups build only their region, and a repeated one neither builds nor allocates",
           "[threads]") {
   const auto field = BrickField::FromFunction(Cylinder{}, Cube(100), Voxel(0.25));
   CHECK(field->Statistics().bricks_built == 0);

@@ -133,7 +133,7 @@ TEST_CASE("the neuro arch's centerlines form one network from groin to neck") {
   }
 }
 
-TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is said where not") {
+TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or are reported") {
   const std::string folder = torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/");
   MeshVesselOptions options;
   options.cache_folder.clear();

@@ -17,7 +17,7 @@ using Catch::Matchers::Contains;
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
-TEST_CASE("a share too small to print is not said") {
+TEST_CASE("a fraction too small to print is not reported") {
   // A corner of one box reaches into another one by less and less.
   const AlignedBox3d one(Vector3d(0, 0, 0), Vector3d(10, 6, 4));
   bool is_ever_said = false;
@@ -35,7 +35,7 @@ TEST_CASE("a share too small to print is not said") {
   CHECK(is_ever_said);
 }
 
-TEST_CASE("a membrane across the lumen encloses nothing and goes, a fin too") {
+TEST_CASE("a membrane across the lumen and a fin are removed as sheets") {
   TriangleMesh tube = MakeClosedTube();
   SECTION("membrane") {
     // A disk across the middle: the edges of its rim have three faces.
@@ -55,7 +55,7 @@ TEST_CASE("a membrane across the lumen encloses nothing and goes, a fin too") {
       }
     }
   }
-  SECTION("a disk that hangs on nothing") {
+  SECTION("a loose disk") {
     const auto first = static_cast<int32_t>(tube.vertices_mm.size());
     for (int32_t j = 0; j < 24; ++j) {
       tube.vertices_mm.emplace_back(10 + 5 * std::cos(j * M_PI / 12), 5 * std::sin(j * M_PI / 12),
@@ -91,7 +91,7 @@ TEST_CASE("two bubbles with a common membrane are one lumen") {
   }
 }
 
-TEST_CASE("a surface of which most encloses nothing is refused, not taken for a small lumen") {
+TEST_CASE("a surface that is mostly sheets is refused, and not reduced to a small lumen") {
   // A small closed tube with a fin that is many times larger.
   TriangleMesh tube = MakeClosedTube(20, 1);
   const auto first = static_cast<int32_t>(tube.vertices_mm.size());

@@ -80,7 +80,7 @@ int CountCrossings(const TriangleMesh& mesh) {
   return crossings;
 }
 
-TEST_CASE("the union of two boxes has the volume of both less what they share") {
+TEST_CASE("the union of two boxes has the volume of both minus their intersection") {
   Random random(1);
   const AlignedBox3d one(Vector3d(0, 0, 0), Vector3d(10, 6, 4));
   const AlignedBox3d others[] = {
@@ -141,7 +141,7 @@ TEST_CASE("the union of two spheres has the volume of its two caps") {
   }
 }
 
-TEST_CASE("whatever overlaps is one lumen, in any position") {
+TEST_CASE("overlapping parts are one lumen, in any position") {
   Random random(7);
   for (int k = 0; k < test::Rounds(40, 5); ++k) {
     CAPTURE(k);
@@ -198,7 +198,7 @@ void CheckTubesOnOneAxis(int count, bool open, uint64_t seed) {
 // Two tubes take a fifth of the time of three.
 constexpr int kTubesOnOneAxis = test::kUnderSanitizer ? 2 : 3;
 
-TEST_CASE("vessels of one radius on one axis are one, whatever is rounded") {
+TEST_CASE("vessels of one radius on one axis are one lumen, for any rounding") {
   CheckTubesOnOneAxis(kTubesOnOneAxis, false, 1);
 }
 
@@ -305,7 +305,7 @@ TEST_CASE("a tube that passes through itself is the union of its turns") {
   CHECK(inside > test::Rounds(200, 4));
 }
 
-TEST_CASE("an open branch that ends in the lumen is joined, and its inner end is no entry") {
+TEST_CASE("an open branch that ends in the lumen is joined, and its inner end is not an entry") {
   TriangleMesh vessel = MakeTubeMesh(40, 3), branch = MakeTubeMesh(30, 2);
   for (Vector3d& v : branch.vertices_mm) v = Vector3d(20.3 - v.y(), 0.2 + v.x(), v.z());
   const std::vector<TriangleMesh> parts{MakeClosedTube(40, 3), [] {

@@ -122,7 +122,7 @@ TEST_CASE("a surface whose header takes assimp long is refused") {
              Contains("a.ply: the header has more than 1000 lines; export it again"));
 }
 
-TEST_CASE("objects, groups and materials of an OBJ file cost little and change nothing") {
+TEST_CASE("objects, groups and materials of an OBJ file cost little and have no effect") {
   const double slowness = test::kUnderSanitizer ? 20 : 1;
   const std::string corners = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 9 9 0\n";
   std::string file = corners;
@@ -147,7 +147,7 @@ TEST_CASE("objects, groups and materials of an OBJ file cost little and change n
   CHECK(area("vn 0 0 1\nvt 0 0\n# comment \\\nf 1 2 3\nf 1/1/1 2/1/1 3/1/1\n") == Approx(40.5));
 }
 
-TEST_CASE("a reader of surfaces without memory says so, and nothing of it stays") {
+TEST_CASE("a reader of surfaces without memory reports it, and leaves no process or file") {
   const std::ptrdiff_t open_before = OpenFiles();
   if (!test::kUnderSanitizer) {
     MeshReader poor = Quick();

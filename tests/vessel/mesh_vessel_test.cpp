@@ -314,7 +314,7 @@ TEST_CASE("a cache folder is kept in bounds, the field that was used least recen
   CHECK(fields().size() == 1);
 }
 
-TEST_CASE("a cache that cannot be written is no error of the run") {
+TEST_CASE("a cache that cannot be written is not an error of the run") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("tube.obj");
   WriteObj(path, PlainTube());

@@ -35,7 +35,7 @@ int Behind(Body body) {
 
 bool Refused(long result) { return result == -1 && errno == EPERM; }
 
-TEST_CASE("Behind the filter nothing is opened, connected, started or signaled") {
+TEST_CASE("The filter forbids to open, connect, start and signal") {
   REQUIRE(Behind([] { return 0; }) == 0);
   CHECK(Behind([] { return Refused(open("/dev/null", O_RDONLY)) ? 0 : 1; }) == 0);
   CHECK(Behind([] { return Refused(open("/dev/null", O_WRONLY)) ? 0 : 1; }) == 0);

@@ -1,4 +1,4 @@
-// STL files as programs write them, and what is said of damaged ones.
+// STL files as programs write them, and messages about damaged ones.
 #include <algorithm>
 #include <cctype>
 #include <chrono>
@@ -108,7 +108,7 @@ TEST_CASE("Surfaces are read within 2 s per megabyte, however many solids they h
   CHECK(took.count() < slowness * 2e-6 * static_cast<double>(many.size()));
 }
 
-TEST_CASE("A file of lines alone is said to hold no triangles") {
+TEST_CASE("A file with only lines is refused for its missing triangles") {
   const auto refusal = [](const std::string& contents) {
     try {
       ImportMesh(contents, "a.obj", 1);

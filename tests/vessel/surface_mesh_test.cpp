@@ -53,7 +53,7 @@ TEST_CASE("STL, OBJ and PLY give the same closed tube") {
   }
 }
 
-TEST_CASE("inward normals are turned, and said") {
+TEST_CASE("inward normals are turned, and reported") {
   TriangleMesh tube = MakeClosedTube();
   TurnInsideOut(tube);
   const SurfaceMesh surface = RepairSurface(tube, "x");
@@ -62,7 +62,7 @@ TEST_CASE("inward normals are turned, and said") {
   CheckIsTube(surface, 40, 3);
 }
 
-TEST_CASE("faces oriented against their neighbors are turned, and said") {
+TEST_CASE("faces oriented against their neighbors are turned, and reported") {
   TriangleMesh tube = MakeClosedTube();
   for (size_t i = 0; i < tube.triangles.size(); i += 7) {
     std::swap(tube.triangles[i][0], tube.triangles[i][1]);
@@ -103,7 +103,7 @@ TEST_CASE("open ends of a surface with inward normals lead into the vessel, too"
   }
 }
 
-TEST_CASE("a small hole in the wall is closed, and said") {
+TEST_CASE("a small hole in the wall is closed, and reported") {
   TriangleMesh tube = MakeTubeMesh(40, 60, 48, [](double) { return 3.0; });
   tube.triangles.erase(tube.triangles.begin() + 2500);
   const SurfaceMesh surface = RepairSurface(tube, "x");
@@ -190,7 +190,7 @@ TEST_CASE("meters are neither guessed nor passed over") {
                     Contains("mesh_unit = \"um\" if that is 40 x 6 x 6 mm") && !Contains("\"mm\""));
 }
 
-TEST_CASE("fragments hanging on by an edge of three faces are left out, and said") {
+TEST_CASE("fragments hanging on by an edge of three faces are left out, and reported") {
   TriangleMesh tube = MakeClosedTube();
   const auto fin = static_cast<int32_t>(tube.vertices_mm.size());
   const auto& triangle = tube.triangles[100];
@@ -221,7 +221,7 @@ TEST_CASE("two vessels that touch along an edge are kept, distinguished by the w
   CHECK(bvh.Distance({20, 3.1, 0}) > 0);
 }
 
-TEST_CASE("slivers are repaired, and said") {
+TEST_CASE("slivers are repaired, and reported") {
   TriangleMesh tube = MakeClosedTube();
   // A vertex in the middle of an edge: one side is split there, the other is not, and a flat
   // triangle lies between them.
@@ -242,7 +242,7 @@ TEST_CASE("slivers are repaired, and said") {
   }
 }
 
-TEST_CASE("doubled and flat triangles are left out, and said") {
+TEST_CASE("doubled and flat triangles are left out, and reported") {
   TriangleMesh tube = MakeClosedTube();
   tube.triangles.push_back(tube.triangles[5]);
   tube.triangles.push_back({3, 3, 7});
@@ -251,7 +251,7 @@ TEST_CASE("doubled and flat triangles are left out, and said") {
   CheckIsTube(surface, 40, 3);
 }
 
-TEST_CASE("a flat sheet is refused, for it encloses nothing") {
+TEST_CASE("a flat sheet is refused, because it encloses no volume") {
   TriangleMesh sheet;
   sheet.vertices_mm = {{0, 0, 0}, {9, 0, 0}, {0, 9, 0}, {9, 9, 0}};
   sheet.triangles = {{0, 1, 2}};
@@ -278,7 +278,7 @@ TEST_CASE("a one-sided surface is refused") {
   CHECK_THROWS_WITH(RepairSurface(band, "band"), Contains("one side only"));
 }
 
-TEST_CASE("a wall with thickness is turned into its lumen, and said") {
+TEST_CASE("a wall with thickness is turned into its lumen, and reported") {
   const SurfaceMesh surface = RepairSurface(MakeShell(), "x");
   CHECK(surface.report.was_shell);
   CHECK_THAT(Said(surface.report), Contains("wall with thickness"));
@@ -286,7 +286,7 @@ TEST_CASE("a wall with thickness is turned into its lumen, and said") {
   CHECK(surface.report.openings.size() == 2);
 }
 
-TEST_CASE("a ragged rim that taking the inner side leaves is closed, and said") {
+TEST_CASE("a ragged rim that taking the inner side leaves is closed, and reported") {
   TriangleMesh shell = MakeShell(100);
   for (Vector3d& v : shell.vertices_mm) {
     const double angle = std::atan2(v.z(), v.y());
@@ -309,7 +309,8 @@ TEST_CASE("a lumen is not taken for a wall") {
   CHECK(surface.report.tube_facing_share < 0.01);
 }
 
-TEST_CASE("a part within another goes, a nick in the wall is taken in, and both are said") {
+TEST_CASE(
+    "a part within another is removed, a nick in the wall is included, and both are reported") {
   TriangleMesh tube = MakeClosedTube(40, 6);
   TriangleMesh core = MakeClosedTube(30, 0.4);
   for (Vector3d& v : core.vertices_mm) v.x() += 5;
@@ -330,7 +331,7 @@ TEST_CASE("a part within another goes, a nick in the wall is taken in, and both 
   CHECK(bvh.Distance({30, 0, 0}) > 2.9);
 }
 
-TEST_CASE("files that are no usable surface are refused by name, with the remedy") {
+TEST_CASE("files without a usable surface are refused by name, with the remedy") {
   const TemporaryFolder folder;
   const auto read = [&](const std::string& name) {
     return ReadSurface(folder.Path(name), MeshUnit::kMillimeter);

@@ -116,7 +116,7 @@ TEST_CASE("rays hit the nearest face") {
   CHECK(std::isinf(bvh.CastRay({20, 10, 0}, Vector3d::UnitX(), 0)));
 }
 
-TEST_CASE("nothing is doubtful about a clean surface") {
+TEST_CASE("a clean surface has no doubtful place") {
   const TriangleBvh bvh(Bottle());
   for (size_t i = 0; i < bvh.mesh().triangles.size(); ++i) {
     CHECK_FALSE(bvh.IsDoubtful(static_cast<int32_t>(i)));

@@ -57,7 +57,7 @@ test("window and level are those of both, the C-arm's angle is not", async () =>
   await page.keyboard.up("Space");
 });
 
-test("every effect of the scene has its price, and what is not simulated is named", async () => {
+test("every effect of the scene has its price, and effects that are not simulated are named", async () => {
   await page.keyboard.down("ArrowUp");
   await page.locator("#prices summary").click();
   const { effects, off } = await page.evaluate(() => window.torquer.scene());

@@ -24,7 +24,7 @@ export function blockMeans(page, url) {
   }, [url, BLOCK_PX]);
 }
 
-/** How many blocks differ by more than `tolerance` of 255 in a color, and the largest difference. */
+/** Number of blocks that differ by more than `tolerance` of 255 in a color, and the largest difference. */
 export function difference(first, second, tolerance) {
   if (first.columns !== second.columns || first.rows !== second.rows) return { blocks: Infinity, largest: 255 };
   let [blocks, largest] = [0, 0];

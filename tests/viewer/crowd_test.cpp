@@ -122,7 +122,7 @@ constexpr std::size_t kSessionParts = 7;
 
 }  // namespace
 
-TEST_CASE("A hundred made-up names keep nothing of a session from a page, before it or after") {
+TEST_CASE("A hundred made-up names hide no part of a session from a page") {
   NeedPrivateNetwork();
   const bool before = GENERATE(true, false);
   CAPTURE(before);
@@ -152,7 +152,7 @@ TEST_CASE("A hundred made-up names keep nothing of a session from a page, before
   CHECK(seen_late.size() == kSessionParts);
 }
 
-TEST_CASE("Topics of others crowd out each other and nothing else, and pass") {
+TEST_CASE("Passing topics replace only each other, and expire") {
   ShownTopics topics;
   ShownTopics::Time now{};
   topics.Show("scene", Words("scene"));

@@ -19,7 +19,7 @@ after(() => session?.stop());
 const text = (selector) => page.locator(selector).textContent();
 const insertion = () => page.evaluate(() => window.torquer.state()?.instruments[0].insertionMm ?? NaN);
 
-test("a device that nobody has calibrated is named", async () => {
+test("an uncalibrated device is named", async () => {
   await until("the header says so", async () => (await text("#state")) === "Guidewire: the device is not calibrated");
   assert.equal(await page.locator("#pad-button").isVisible(), false);
 });
@@ -39,7 +39,7 @@ test("a page that looks on chooses how the X-ray system works", async () => {
   await until("the simulator takes it", async () => Math.abs((await field()) - (380 * 750) / 1050 / 1.5) < 0.01);
 });
 
-test("a device that is gone is said to be missing", async () => {
+test("an unplugged device is reported as missing", async () => {
   const { execFileSync } = await import("node:child_process");
   execFileSync("pkill", ["-KILL", "-f", `torquer-emulator.*${session.folder}`]);
   await until("the header says so", async () => /^Guidewire: /.test(await text("#state")) && !(await text("#state")).includes("calibrated"));

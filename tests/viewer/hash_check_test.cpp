@@ -53,7 +53,7 @@ HashCheck::Finding Checked(torquer::scene::Scene& scene, const std::string& log)
 
 }  // namespace
 
-TEST_CASE("A replay is compared with what was recorded, state by state") {
+TEST_CASE("A replay is compared with its recording, state by state") {
   const torquer::test::SceneFile file("");
   torquer::scene::Scene scene(file.path());
   RecordSession(scene, file.Beside("good"), -1);

@@ -238,7 +238,8 @@ TEST_CASE("Nine of ten pages get every state while one is stalled, and that one 
   CHECK(states < kLast / 2);
 }
 
-TEST_CASE("Ten thousand hostile requests and frames are refused and counted; a page goes on") {
+TEST_CASE(
+    "Ten thousand hostile requests and frames are refused and counted; an open page continues") {
   std::atomic<int> shown = -1;
   std::atomic<int> seen = -1;
   const Served served([&shown, &seen](PageServer& server) {

@@ -15,7 +15,7 @@
 using namespace torquer::viewer;
 using namespace torquer::test;
 
-TEST_CASE("The page's files are served below the token, and nothing else") {
+TEST_CASE("Only the page's files are served, below the token") {
   const Served served;
   CHECK(served.Get("/" + kToken + "/") == 200);
   for (const PageFile& file : PageFiles()) {
@@ -35,8 +35,7 @@ TEST_CASE("The page's files are served below the token, and nothing else") {
   CHECK(served.Get(served.Bus()) == 426);
 }
 
-TEST_CASE(
-    "A document from elsewhere may have a style and nothing else, and goes when it is asked to") {
+TEST_CASE("A document of another program may have only styles, and can be removed") {
   std::atomic<int> step = 0;
   const Served served([&step](PageServer& server) {
     const int now = step.exchange(0);
@@ -104,7 +103,7 @@ TEST_CASE("Another host, origin or method is refused") {
   CHECK(RawClient(served.port).Upgrade(served.Bus(), served.host, served.Origin()));
 }
 
-TEST_CASE("Requests that are none are refused, and the server lives") {
+TEST_CASE("Invalid requests are refused, and the server continues") {
   Served served;
   std::mt19937 random(3);
   const int rounds = Rounds(8000, 8);
@@ -138,7 +137,7 @@ TEST_CASE("Requests that are none are refused, and the server lives") {
   CHECK(Served::Soon([&] { return served.Get("/" + kToken + "/") == 200; }));
 }
 
-TEST_CASE("A page that sends what is no message is cut off") {
+TEST_CASE("A page that sends an invalid message is closed") {
   const Served served;
   const auto send = [&](int opcode, const std::string& content) {
     RawClient client(served.port);
@@ -179,7 +178,7 @@ TEST_CASE("Pages and connections beyond the limits are refused, and those before
   CHECK(served.Get("/" + kToken + "/") == 200);
 }
 
-TEST_CASE("Silent connections keep nobody out who knows the token, and the oldest goes first") {
+TEST_CASE("Silent connections do not block pages with the token, and the oldest is closed first") {
   const Served served;
   std::vector<std::unique_ptr<RawClient>> silent;
   const auto add_silent = [&] {
@@ -289,7 +288,7 @@ TEST_CASE("A page that sends messages or pings without end is cut off with the r
   CHECK(good.Read(10));
 }
 
-TEST_CASE("A message without end waits with the page that sends it, and another page goes on") {
+TEST_CASE("An endless message blocks only the page that sends it") {
   Lockstep good;
   Flood flood(good.served, 0x02, 0x00, "");
   // The server reads so slowly that the sender blocks while the other page gets its states.
@@ -302,7 +301,7 @@ TEST_CASE("A message without end waits with the page that sends it, and another 
   CHECK(waits);
 }
 
-TEST_CASE("A slow page misses old states, never the newest, and harms nobody") {
+TEST_CASE("A slow page misses old states, never the newest, and does not delay others") {
   static constexpr int kLast = 600;
   std::atomic<int> shown = -1;
   const Served served([&shown](PageServer& server) {
@@ -341,7 +340,7 @@ TEST_CASE("A slow page misses old states, never the newest, and harms nobody") {
   CHECK(read_on(slow) < quick_states / 2);
 }
 
-TEST_CASE("A page that comes late gets what was shown last") {
+TEST_CASE("A late page gets the newest messages") {
   std::atomic<bool> done = false;
   std::atomic<bool> go_on = false;
   std::atomic<bool> forget = false;

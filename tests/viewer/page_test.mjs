@@ -78,7 +78,7 @@ test("window and level are set by the mouse", async () => {
   await until("the picture is as before", async () => Math.abs((await grays()).mean - before.mean) < 1);
 });
 
-test("arrows push and turn the wire, and a key that is up moves nothing", async () => {
+test("arrows push and turn the wire, and a released key stops it", async () => {
   const start = await state();
   await hold("ArrowUp", "10 mm further in", async () => (await state()).insertion > start.insertion + 10);
   await hold("ArrowRight", "turned by 1 rad", async () => (await state()).rotation > start.rotation + 1);
@@ -230,7 +230,7 @@ test("each figure's last minute is plotted", async () => {
   for (const [k, blue] of drawn.entries()) assert.ok(blue > 5, `plot ${k} has no line`);
 });
 
-test("centerlines and the target are drawn, and the way to it is said", async () => {
+test("centerlines and the target are drawn, and the distance to it is shown", async () => {
   const guides = await page.evaluate(() => window.torquer.space.guidesShown());
   assert.ok(guides.lines > 20, `${guides.lines} lines`);
   await until("the way from the tip to the target", async () => {
@@ -270,7 +270,7 @@ test("an examination shows the X-ray and a clock alone", async () => {
   assert.equal(await page.locator("#teaching").isVisible(), false);
   assert.match(await text("#clock"), /^0:0\d min$/);
   await until("the clock goes", async () => (await text("#clock")) !== "0:00 min");
-  await until("no distance is said", async () => (await text("#task")) === "Targetnot reached");
+  await until("no distance is shown", async () => (await text("#task")) === "Targetnot reached");
   await page.keyboard.press("KeyE");
   assert.equal(await page.locator("#teaching").isVisible(), true);
   assert.equal(await page.locator("#clock").isVisible(), false);

@@ -10,7 +10,7 @@
 
 using namespace torquer;
 
-TEST_CASE("A kept token is the same at the next start, and nobody else's") {
+TEST_CASE("A kept token is the same at the next start, and private") {
   const test::TemporaryFolder folder;
   const std::string path = folder.Path("token");
   const std::string token = viewer::KeptToken(path);
@@ -34,7 +34,7 @@ TEST_CASE("A file that holds no token is refused") {
   CHECK_THROWS_AS(viewer::KeptToken(path), UserError);
 }
 
-TEST_CASE("A token file where none can be made is refused") {
+TEST_CASE("A token file that cannot be created is refused") {
   const test::TemporaryFolder folder;
   CHECK_THROWS_AS(viewer::KeptToken(folder.Path("missing/token")), UserError);
   CHECK_THROWS_AS(viewer::KeptToken(folder.Path()), UserError);

@@ -106,7 +106,7 @@ test("another window is another picture", async () => {
   await page.mouse.down();
   await page.mouse.move(x, y + 12, { steps: 3 });
   await page.mouse.up();
-  await until("the level is said", async () => !(await text("#window")).includes("level 128"));
+  await until("the level is shown", async () => !(await text("#window")).includes("level 128"));
   await differs("plain", await canvas(), PICTURE_TOLERANCE);
   await differs("plain-page", await wholePage(), PAGE_TOLERANCE);
   await page.mouse.dblclick(x, y);
@@ -132,7 +132,7 @@ test("a narrower field with shutters", async () => {
   await same("field-page", whole, PAGE_TOLERANCE);
 });
 
-test("subtracted, what has not moved is even", async () => {
+test("subtraction makes resting parts even", async () => {
   await mode("subtraction");
   await pulses(5);
   await same("subtracted", await canvas(), PICTURE_TOLERANCE);

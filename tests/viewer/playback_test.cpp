@@ -26,7 +26,7 @@ ReplayControls Stepped(int steps) {
 
 }  // namespace
 
-TEST_CASE("A replay goes as fast as it is asked to, and loses no part of a microsecond") {
+TEST_CASE("A replay has the chosen speed, and loses no part of a microsecond") {
   Playback playback(kLengthUs, kTimesUs);
   CHECK(playback.at_us() == 1000);
   CHECK(playback.playing());

@@ -112,7 +112,7 @@ test("it plays at other speeds, and again from the end", async () => {
   await until("it plays again", async () => (await text("#state")) === "Replay");
 });
 
-test("at any width of the window nothing is cut off", async () => {
+test("no text is cut off at any width of the window", async () => {
   for (const width of [420, 1024, 1600]) {
     await page.setViewportSize({ width, height: 800 });
     await page.waitForTimeout(200); // layout and plots follow the new size
@@ -129,7 +129,7 @@ test("at any width of the window nothing is cut off", async () => {
   await page.setViewportSize({ width: 1024, height: 600 });
 });
 
-test("the keys move no instrument, and the program says at its end what it found", async () => {
+test("the keys move no instrument, and the program reports its result at the end", async () => {
   assert.equal(await page.locator("#pad-button").isVisible(), false);
   replay.kill("SIGTERM");
   const status = await new Promise((done) => replay.on("exit", done));

@@ -66,7 +66,7 @@ TEST_CASE("Steering begins where the instruments are, and before a state not at 
   CHECK(commands[1].insertion_mm == 0);
 }
 
-TEST_CASE("A held key moves as long as it is held, however often the loop runs") {
+TEST_CASE("A held key gives the same motion at any rate of the loop") {
   Steering steering = Placed();
   Controls controls = Push(20, 1);
   controls.turn_rad_s = -2;
@@ -80,7 +80,7 @@ TEST_CASE("A held key moves as long as it is held, however often the loop runs")
   CHECK(commands[0].flags == 0);
 }
 
-TEST_CASE("A page that falls silent moves nothing more, and its pedals go up") {
+TEST_CASE("A silent page stops all motion, and its pedals go up") {
   Steering steering = Placed();
   Controls controls = Push(100);
   controls.xray = controls.contrast = true;
@@ -96,7 +96,7 @@ TEST_CASE("A page that falls silent moves nothing more, and its pedals go up") {
   CHECK_FALSE(steering.page());
 }
 
-TEST_CASE("A page that leaves lets go at once") {
+TEST_CASE("A page that leaves releases its controls at once") {
   Steering steering = Placed();
   Controls controls;
   controls.xray = true;

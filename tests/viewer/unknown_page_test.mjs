@@ -40,7 +40,7 @@ async function showsNoNumberOfUnknown() {
   assert.deepEqual(problems, []);
 }
 
-test("readings that are not known are said to be so", async () => {
+test("unknown readings are shown as unknown", async () => {
   await page.evaluate(() => {
     window.change = (data) => {
       const message = typeof data === "string" ? JSON.parse(data) : {};
@@ -62,7 +62,7 @@ test("readings that are not known are said to be so", async () => {
   await showsNoNumberOfUnknown();
 });
 
-test("a state whose figures are no numbers shows none", async () => {
+test("a state with invalid figures shows none", async () => {
   await page.evaluate(() => {
     window.change = (data) => {
       if (typeof data === "string" || new DataView(data).getUint8(0) !== 1) return data;

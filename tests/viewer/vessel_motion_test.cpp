@@ -59,7 +59,7 @@ TEST_CASE("A moving vessel is drawn where the wire feels it") {
   }
 }
 
-TEST_CASE("A page gets the motions of a vessel, and shares for all that goes with it") {
+TEST_CASE("A page gets the motions of a vessel, and fractions for all moving points") {
   scene::Scene scene(test::SourcePath("/host/scenes/everything.toml"));
   const auto motions = MotionsOf(scene);
   REQUIRE(motions.size() == 2);

@@ -109,7 +109,8 @@ TEST_CASE("An injection pushes back the inflow from a source that holds its pres
   }
 }
 
-TEST_CASE("An injection leaves the inflow of a flow source, whatever sets its mean", "[effects]") {
+TEST_CASE("An injection does not change the inflow of a flow source, for any source of its mean",
+          "[effects]") {
   const Circuit circuit(0);
   const std::string given = GENERATE_COPY(std::string("inlet_mean_mmHg = 90"),
                                           "inlet_mL_s = " + std::to_string(circuit.Inflow()));

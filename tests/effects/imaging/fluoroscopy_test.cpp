@@ -212,7 +212,7 @@ TEST_CASE("A lumen absorbs as its chord, at any angle, without seams", "[effects
   }
 }
 
-TEST_CASE("A lumen seen along its axis absorbs as it is long", "[effects]") {
+TEST_CASE("A lumen seen along its axis absorbs in proportion to its length", "[effects]") {
   const CArm arm = Arm();
   const Projection projection(arm, 0, 0);
   const Vector3d deep = projection.camera().row(2);
@@ -227,7 +227,7 @@ TEST_CASE("A lumen seen along its axis absorbs as it is long", "[effects]") {
   CHECK(plane.At(127, 127) == Approx(0.1 * 40 * (4 - 0.566) / 3.9).epsilon(0.02));
 }
 
-TEST_CASE("Where lumens overlap the union counts once", "[effects]") {
+TEST_CASE("Overlapping lumens absorb once, as their union", "[effects]") {
   const CArm arm = Arm();
   const Projection projection(arm, 0, 0);
   const Vector3d at = arm.isocenter_mm;

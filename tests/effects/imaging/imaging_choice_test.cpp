@@ -126,7 +126,7 @@ TEST_CASE("A smaller field shows the same point so many times farther from the m
   CHECK(thickness(3) == Approx(3 * once).epsilon(0.1));
 }
 
-TEST_CASE("Shutters are black, and cover what they are set to", "[effects]") {
+TEST_CASE("Shutters are black, and cover their set fraction", "[effects]") {
   SceneOf scene(kStraight + kVessel);
   Simulation session(*scene);
   Imaging imaging;

@@ -91,7 +91,7 @@ TEST_CASE("The lateral plane changes neither the C-arm's pictures nor its dose",
   CHECK(Reading(both, "lateral_air_kerma_mGy") > first.kerma_mGy);
 }
 
-TEST_CASE("A copied session goes on with both planes", "[effects]") {
+TEST_CASE("A copied session continues with both planes", "[effects]") {
   SceneOf biplane(kStraight + System(5, "[effects.lateral_plane]\n"));
   Simulation session(*biplane);
   TakenBy(session, 1, 0, "lateral_");

@@ -106,13 +106,13 @@ TEST_CASE("The columns of the C-arm are checked", "[effects]") {
   refuse("time_s,guidewire.insertion_mm,guidewire.rotation_rad,lao\n", "s.csv:1");
 }
 
-TEST_CASE("Without fluoroscopy there is nothing to render", "[effects]") {
+TEST_CASE("A scene without fluoroscopy has no picture", "[effects]") {
   SceneOf scene(kFork);
   Write(scene.Beside("s.csv"), "time_s,guidewire.insertion_mm,guidewire.rotation_rad\n0,0,0\n");
   CHECK_THROWS_WITH(Render(scene), Contains("[effects.fluoroscopy]"));
 }
 
-TEST_CASE("A picture fits a message, whatever it shows", "[effects]") {
+TEST_CASE("A picture of any content fits a message", "[effects]") {
   JpegEncoder encoder;
   ImageSource::Picture picture;
   picture.width = picture.height = 1024;

@@ -86,7 +86,7 @@ TEST_CASE("Dye in a thin vessel keeps its iodine wherever it lies", "[effects]")
   CHECK(worst_section < 0.02);
 }
 
-TEST_CASE("A marker is painted as long as it is, wherever segments end", "[effects]") {
+TEST_CASE("A marker is painted with its length, for any ends of segments", "[effects]") {
   // Darkness of a picture in which only the marker attenuates. It grows with the marker's volume.
   const auto darkness = [](double marker_mm, double segment_mm, double insertion_mm) {
     SceneOf scene(kStraight + "attenuation_1_mm = 0\nmarker_1_mm = 1\nmarker_mm = " +

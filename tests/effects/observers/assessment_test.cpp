@@ -177,7 +177,8 @@ TEST_CASE(
   CHECK(trainee["wrong_vessel_entries"] == 2);
 }
 
-TEST_CASE("A wide place of the route and the vessel beyond the target are no wrong vessels") {
+TEST_CASE(
+    "A wide place of the route and the vessel beyond the target do not count as wrong vessels") {
   Trainee trainee;
   trainee.Go({20, 0, 0}, 20, 2);
   trainee.Go({20, 11, 0}, 31, 1);  // 7 mm beyond the radius, but in no other vessel
@@ -219,7 +220,7 @@ TEST_CASE("A session in which no tick converges has no result of tip or force") 
   CHECK(trainee["mean_speed_mm_s"] == Approx(10).epsilon(0.02));
 }
 
-TEST_CASE("A tip in a tick that did not converge reaches nothing and enters no vessel") {
+TEST_CASE("A tick without convergence counts neither a reached target nor an entered vessel") {
   Trainee trainee;
   trainee.Go({50, 0, 0}, 50, 5);
   trainee.report.converged = false;

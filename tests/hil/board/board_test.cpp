@@ -37,7 +37,7 @@ TEST_CASE("the board refuses nonsense", "[board]") {
   Board board;
   RefusesNonsense(board.program);
 }
-TEST_CASE("the board halts and goes on", "[board]") {
+TEST_CASE("the board halts and continues", "[board]") {
   Board board;
   HaltsAndGoesOn(board.program);
 }

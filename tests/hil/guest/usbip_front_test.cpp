@@ -265,7 +265,7 @@ TEST_CASE("USB/IP: the connection ends with the device, and a new one begins wit
   }
 }
 
-TEST_CASE("USB/IP: bytes that no kernel sends end the connection and nothing else") {
+TEST_CASE("USB/IP: invalid bytes end only the connection") {
   Bench bench;
   std::mt19937 random(7);
   for (int round = 0; round < 60; ++round) {
@@ -311,7 +311,7 @@ TEST_CASE("Commands: the power is cut at a page operation of the flash") {
   CHECK(bench.commands.Do("state").find("\"page_operations\":0") != std::string::npos);
 }
 
-TEST_CASE("Commands: what cannot be done is said") {
+TEST_CASE("Commands: impossible ones are reported") {
   Bench bench;
   for (const char* line : {"", "fly", "move 1 2", "move 1 2 -1", "move nan 0 1", "stick 2 0",
                            "buttons 8", "stick", "cut", "cut 0", "then 1"}) {
