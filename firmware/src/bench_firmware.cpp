@@ -62,8 +62,8 @@ void BenchFirmware::ServeControl() {
   }
 }
 
-// While a firmware image passes from the host to the sensor, the device does nothing else and skips
-// frames.
+// While a firmware image passes from the host to the sensor, the device does no other work and
+// skips frames.
 void BenchFirmware::Stream() {
   do {
     board::KickWatchdog();

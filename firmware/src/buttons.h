@@ -14,7 +14,7 @@ class Buttons {
   static constexpr uint8_t kStableReadings = 10;
   static constexpr uint8_t kStableReadingsSuspended = 2;
 
-  /// Takes one reading of the pins (board::ReadButtons()); returns what is held, debounced.
+  /// Takes one reading of the pins (board::ReadButtons()); returns the held buttons, debounced.
   uint8_t Update(uint8_t pins, uint8_t stable_readings = kStableReadings);
   /// The last return value of Update().
   uint8_t held() const { return held_; }

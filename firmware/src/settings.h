@@ -53,7 +53,7 @@ class Settings {
   static bool ReadCopy(uint8_t slot, Record* record, bool* blank);
   void BeginWrite();
 
-  Record record_ = {};  // what is stored, or being written
+  Record record_ = {};  // stored, or being written
   uint16_t cpi_ = kDefaultCpi;
   uint16_t deadzone_ = kDefaultDeadzone;
   uint16_t writes_ = 0;

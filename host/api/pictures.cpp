@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "host/api/parts.h"
+#include "host/api/impl.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/imaging/lateral_plane.h"
 #include "host/support/angles.h"
@@ -56,9 +56,9 @@ void CheckImaging(const Imaging& imaging) {
 
 std::vector<PicturePlace> Simulation::PlacesInPicture(const std::vector<Point>& points_mm,
                                                       int plane) const {
-  const auto hold = parts().usage.Look();
-  CheckPlane(plane, picture_planes(), parts_->scene.name());
-  const effects::Projection projection = ProjectionOf(*parts_->lent, plane, parts_->rows.command());
+  const auto hold = impl().usage.Look();
+  CheckPlane(plane, picture_planes(), impl_->scene.name());
+  const effects::Projection projection = ProjectionOf(*impl_->lent, plane, impl_->rows.command());
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   std::vector<PicturePlace> places;
   for (const Point& point : points_mm) {
@@ -77,32 +77,32 @@ std::vector<PicturePlace> Simulation::PlacesInPicture(const std::vector<Point>& 
 }
 
 int Simulation::picture_planes() const {
-  const auto hold = parts().usage.Look();
-  return static_cast<int>(parts_->pictures.size());
+  const auto hold = impl().usage.Look();
+  return static_cast<int>(impl_->pictures.size());
 }
 
 bool Simulation::picture_due(int plane) const {
-  const auto hold = parts().usage.Look();
-  return plane >= 0 && plane < static_cast<int>(parts_->pictures.size()) &&
-         parts_->pictures_due[static_cast<std::size_t>(plane)];
+  const auto hold = impl().usage.Look();
+  return plane >= 0 && plane < static_cast<int>(impl_->pictures.size()) &&
+         impl_->pictures_due[static_cast<std::size_t>(plane)];
 }
 
 const Picture& Simulation::LastPicture(int plane) {
-  const auto hold = parts().usage.Work();
-  CheckPlane(plane, picture_planes(), parts_->scene.name());
+  const auto hold = impl().usage.Work();
+  CheckPlane(plane, picture_planes(), impl_->scene.name());
   const auto k = static_cast<std::size_t>(plane);
-  if (!parts_->pictures_due[k]) return parts_->pictures[k];
-  parts_->past.AddRendering(plane);
+  if (!impl_->pictures_due[k]) return impl_->pictures[k];
+  impl_->past.AddRendering(plane);
   effects::ImageSource::Picture taken;
-  parts_->simulation.image(k)->Render(taken);
-  parts_->pictures[k] = {.width = taken.width,
-                         .height = taken.height,
-                         .time_s = taken.time_s,
-                         .lao_deg = taken.controls.lao_rad / kRadPerDeg,
-                         .cra_deg = taken.controls.cra_rad / kRadPerDeg,
-                         .gray = std::move(taken.gray)};
-  parts_->pictures_due[k] = false;
-  return parts_->pictures[k];
+  impl_->simulation.image(k)->Render(taken);
+  impl_->pictures[k] = {.width = taken.width,
+                        .height = taken.height,
+                        .time_s = taken.time_s,
+                        .lao_deg = taken.controls.lao_rad / kRadPerDeg,
+                        .cra_deg = taken.controls.cra_rad / kRadPerDeg,
+                        .gray = std::move(taken.gray)};
+  impl_->pictures_due[k] = false;
+  return impl_->pictures[k];
 }
 
 }  // namespace torquer

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "host/api/parts.h"
+#include "host/api/impl.h"
 #include "host/support/fnv1a.h"
 #include "torquer_version.h"
 
@@ -93,11 +93,11 @@ std::string Build() {
 }
 
 std::string Simulation::Save() const {
-  const auto hold = parts().usage.Look();
+  const auto hold = impl().usage.Look();
   const std::string contents = ToText({.build = Build(),
-                                       .scene_hash = Hex(parts_->scene.content_hash()),
-                                       .state_hash = Hex(parts_->simulation.state_hash())}) +
-                               parts_->past.Bytes();
+                                       .scene_hash = Hex(impl_->scene.content_hash()),
+                                       .state_hash = Hex(impl_->simulation.state_hash())}) +
+                               impl_->past.Bytes();
   return std::string(kMagic) + Hex(Fnv1a(contents)) + contents;
 }
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "host/api/parts.h"
+#include "host/api/impl.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/support/error.h"
 #include "host/support/within.h"
@@ -40,52 +40,52 @@ const char* Version() { return kVersion; }
 Error::Error(const std::string& message) : std::runtime_error(message) {}
 Error::~Error() = default;
 
-Scene::Parts::Parts(scene::SceneSpec spec, const scene::Scene* base)
+Scene::Impl::Impl(scene::SceneSpec spec, const scene::Scene* base)
     : scene(base == nullptr ? std::make_unique<scene::Scene>(std::move(spec))
                             : std::make_unique<scene::Scene>(std::move(spec), *base)),
       folder(Absolute(scene->spec().folder)),
       instruments(InstrumentsOf(*scene)) {}
 
-Scene::Parts::~Parts() { scene->KeepField(); }
+Scene::Impl::~Impl() { scene->KeepField(); }
 
-std::shared_ptr<scene::Scene> Scene::Parts::Lend() const {
+std::shared_ptr<scene::Scene> Scene::Impl::Lend() const {
   if (lent.exchange(true)) return scene->MakeTwin();
   return {scene.get(), [this](scene::Scene*) { lent = false; }};
 }
 
-Scene::Scene(std::shared_ptr<const Parts> parts) : parts_(std::move(parts)) {}
+Scene::Scene(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
 Scene::Scene(const Scene&) = default;
 Scene& Scene::operator=(const Scene&) = default;
 Scene::~Scene() = default;
 
 Scene Scene::FromFile(const std::string& path) {
-  return Guarded([&] { return Scene(std::make_shared<const Parts>(scene::ReadScene(path))); });
+  return Guarded([&] { return Scene(std::make_shared<const Impl>(scene::ReadScene(path))); });
 }
 
 Scene Scene::FromText(const std::string& toml, const std::string& folder, const std::string& path) {
   return Guarded(
-      [&] { return Scene(std::make_shared<const Parts>(scene::ParseScene(toml, path, folder))); });
+      [&] { return Scene(std::make_shared<const Impl>(scene::ParseScene(toml, path, folder))); });
 }
 
 Scene Scene::With(const Values& values) const {
   return Guarded([&] {
-    const scene::Scene& base = *parts_->scene;
-    return Scene(std::make_shared<const Parts>(scene::With(base.spec(), values), &base));
+    const scene::Scene& base = *impl_->scene;
+    return Scene(std::make_shared<const Impl>(scene::With(base.spec(), values), &base));
   });
 }
 
-std::string Scene::KeepField() const { return parts_->scene->KeepField(); }
-const std::string& Scene::name() const { return parts_->scene->name(); }
-const std::string& Scene::path() const { return parts_->scene->path(); }
-std::string Scene::text() const { return scene::WriteScene(parts_->scene->spec()); }
-const std::string& Scene::folder() const { return parts_->folder; }
-std::uint64_t Scene::content_hash() const { return parts_->scene->content_hash(); }
-const std::vector<InstrumentInfo>& Scene::instruments() const { return parts_->instruments; }
-std::vector<std::string> Scene::effects() const { return parts_->scene->effect_names(); }
-const std::vector<std::string>& Scene::findings() const { return parts_->scene->vessel().findings; }
+std::string Scene::KeepField() const { return impl_->scene->KeepField(); }
+const std::string& Scene::name() const { return impl_->scene->name(); }
+const std::string& Scene::path() const { return impl_->scene->path(); }
+std::string Scene::text() const { return scene::WriteScene(impl_->scene->spec()); }
+const std::string& Scene::folder() const { return impl_->folder; }
+std::uint64_t Scene::content_hash() const { return impl_->scene->content_hash(); }
+const std::vector<InstrumentInfo>& Scene::instruments() const { return impl_->instruments; }
+std::vector<std::string> Scene::effects() const { return impl_->scene->effect_names(); }
+const std::vector<std::string>& Scene::findings() const { return impl_->scene->vessel().findings; }
 
 std::array<Point, 2> Scene::bounds_mm() const {
-  const Eigen::AlignedBox3d& box = parts_->scene->vessel().bounds_mm;
+  const Eigen::AlignedBox3d& box = impl_->scene->vessel().bounds_mm;
   return {ToPoint(box.min()), ToPoint(box.max())};
 }
 
@@ -93,12 +93,12 @@ double Scene::ClearanceMm(const Point& point_mm) const {
   for (const double x : point_mm) {
     RequireWithin<Error>("a coordinate of point_mm", x, -kFarthest_mm, kFarthest_mm);
   }
-  return parts_->scene->vessel().field->Clearance({point_mm[0], point_mm[1], point_mm[2]});
+  return impl_->scene->vessel().field->Clearance({point_mm[0], point_mm[1], point_mm[2]});
 }
 
 std::vector<std::string> Scene::centerlines() const {
   std::vector<std::string> names;
-  for (const vessel::Centerline& curve : parts_->scene->vessel().centerlines.curves()) {
+  for (const vessel::Centerline& curve : impl_->scene->vessel().centerlines.curves()) {
     names.push_back(curve.name());
   }
   return names;
@@ -106,7 +106,7 @@ std::vector<std::string> Scene::centerlines() const {
 
 std::vector<Point> Scene::CenterlineMm(const std::string& name, double step_mm) const {
   return Guarded([&] {
-    const vessel::CenterlineNetwork& network = parts_->scene->vessel().centerlines;
+    const vessel::CenterlineNetwork& network = impl_->scene->vessel().centerlines;
     return Walk(network.curves()[network.Find(name)], step_mm);
   });
 }
@@ -121,8 +121,8 @@ std::vector<Point> Scene::RouteMm(const std::string& centerline, double at_mm, d
                                   std::size_t instrument) const {
   CheckInstrument(instrument, *this);
   return Guarded([&] {
-    const vessel::CenterlineNetwork& network = parts_->scene->vessel().centerlines;
-    const Sheath& sheath = parts_->scene->stack().instrument(static_cast<int>(instrument)).sheath();
+    const vessel::CenterlineNetwork& network = impl_->scene->vessel().centerlines;
+    const Sheath& sheath = impl_->scene->stack().instrument(static_cast<int>(instrument)).sheath();
     const vessel::CenterlinePlace from = network.NearestTo(sheath.point_mm);
     return Walk(network.Path(from, network.Place(centerline, at_mm)), step_mm);
   });

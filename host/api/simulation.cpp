@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "host/api/parts.h"
+#include "host/api/impl.h"
 #include "host/simulator/session_record.h"
 #include "protocol/lcm_channels.h"
 
@@ -47,17 +47,17 @@ std::vector<double> InMilli(const std::vector<double>& values) {
 
 }  // namespace
 
-Simulation::Parts::Parts(const Scene& of)
+Simulation::Impl::Impl(const Scene& of)
     : scene(of),
-      lent(of.parts_->Lend()),
+      lent(of.impl_->Lend()),
       simulation(*lent),
       rows(simulation),
       pictures(simulation.image_count()),
       pictures_due(simulation.image_count()) {}
 
-Simulation::Parts::Parts(const Parts& other)
+Simulation::Impl::Impl(const Impl& other)
     : scene(other.scene),
-      lent(scene.parts_->Lend()),
+      lent(scene.impl_->Lend()),
       simulation(*lent, other.simulation),
       rows(simulation),
       past(other.past),
@@ -66,36 +66,36 @@ Simulation::Parts::Parts(const Parts& other)
   rows.CopyFrom(other.rows);
 }
 
-Simulation::Simulation(const Scene& scene) : parts_(std::make_unique<Parts>(scene)) {}
+Simulation::Simulation(const Scene& scene) : impl_(std::make_unique<Impl>(scene)) {}
 
-Simulation::Parts& Simulation::parts() const {
-  if (parts_ == nullptr) {
+Simulation::Impl& Simulation::impl() const {
+  if (impl_ == nullptr) {
     throw Error("this simulation object was moved from; use the object that it was moved to");
   }
-  return *parts_;
+  return *impl_;
 }
 
 Simulation::Simulation(const Simulation& other) {
-  const auto look = other.parts().usage.Look();
-  parts_ = std::make_unique<Parts>(*other.parts_);
+  const auto look = other.impl().usage.Look();
+  impl_ = std::make_unique<Impl>(*other.impl_);
 }
 
 Simulation& Simulation::operator=(const Simulation& other) {
   if (this == &other) return *this;
-  const auto look = other.parts().usage.Look();
-  if (parts_ == nullptr || parts_->scene.parts_ != other.parts_->scene.parts_) {
-    auto built = std::make_unique<Parts>(*other.parts_);
+  const auto look = other.impl().usage.Look();
+  if (impl_ == nullptr || impl_->scene.impl_ != other.impl_->scene.impl_) {
+    auto built = std::make_unique<Impl>(*other.impl_);
     // Throws if another call still uses the replaced parts.
-    if (parts_ != nullptr) static_cast<void>(parts_->usage.Change());
-    parts_ = std::move(built);
+    if (impl_ != nullptr) static_cast<void>(impl_->usage.Change());
+    impl_ = std::move(built);
     return *this;
   }
-  const auto change = parts_->usage.Change();
-  parts_->simulation.CopyFrom(other.parts_->simulation);
-  parts_->rows.CopyFrom(other.parts_->rows);
-  parts_->past = other.parts_->past;
-  parts_->pictures = other.parts_->pictures;
-  parts_->pictures_due = other.parts_->pictures_due;
+  const auto change = impl_->usage.Change();
+  impl_->simulation.CopyFrom(other.impl_->simulation);
+  impl_->rows.CopyFrom(other.impl_->rows);
+  impl_->past = other.impl_->past;
+  impl_->pictures = other.impl_->pictures;
+  impl_->pictures_due = other.impl_->pictures_due;
   return *this;
 }
 
@@ -104,28 +104,28 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
 const Scene& Simulation::scene() const {
-  const auto hold = parts().usage.Look();
-  return parts_->scene;
+  const auto hold = impl().usage.Look();
+  return impl_->scene;
 }
 const Command& Simulation::command() const {
-  const auto hold = parts().usage.Look();
-  return parts_->rows.command();
+  const auto hold = impl().usage.Look();
+  return impl_->rows.command();
 }
 
 void Simulation::Restart() {
-  const auto hold = parts().usage.Change();
-  parts_->simulation.Restart();
-  parts_->rows.Restart();
-  parts_->past = {};
-  parts_->pictures.assign(parts_->pictures.size(), Picture{});
-  parts_->pictures_due.assign(parts_->pictures.size(), false);
+  const auto hold = impl().usage.Change();
+  impl_->simulation.Restart();
+  impl_->rows.Restart();
+  impl_->past = {};
+  impl_->pictures.assign(impl_->pictures.size(), Picture{});
+  impl_->pictures_due.assign(impl_->pictures.size(), false);
 }
 
 StepReport Simulation::Step(const Command& command) { return Step(command, {}); }
 
 StepReport Simulation::Step(const Command& command,
                             const std::function<bool(const StepReport& tick)>& after_tick) {
-  Parts& all = parts();
+  Impl& all = impl();
   const auto hold = all.usage.Change();
   const double before_s = all.rows.command().time_s;
   const bool after = all.rows.begun() ? command.time_s > before_s : command.time_s >= before_s;
@@ -152,33 +152,33 @@ StepReport Simulation::Step(const Command& command,
 }
 
 void Simulation::WhileStill(const std::function<void()>& look) const {
-  const auto hold = parts().usage.Look();
+  const auto hold = impl().usage.Look();
   look();
 }
 
 double Simulation::time_s() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.time_s();
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.time_s();
 }
 
 const double* Simulation::nodes_mm() const {
-  const auto hold = parts().usage.Look();
+  const auto hold = impl().usage.Look();
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
-  return parts_->simulation.state().Farthest().nodes().front().data();
+  return impl_->simulation.state().Farthest().nodes().front().data();
 }
 
 std::size_t Simulation::node_count() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.state().Farthest().nodes().size();
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.state().Farthest().nodes().size();
 }
 
 std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
-  const auto hold = parts().usage.Look();
-  CheckInstrument(instrument, parts_->scene);
-  const WireState& state = parts_->simulation.state();
+  const auto hold = impl().usage.Look();
+  CheckInstrument(instrument, impl_->scene);
+  const WireState& state = impl_->simulation.state();
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;
-  TakeNodes(parts_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm, part);
+  TakeNodes(impl_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm, part);
   std::vector<Point> nodes;
   nodes.reserve(part.size());
   for (const Eigen::Vector3d& node : part) nodes.push_back(ToPoint(node));
@@ -186,14 +186,14 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
 }
 
 std::vector<InstrumentState> Simulation::instruments() const {
-  const auto hold = parts().usage.Look();
-  const simulator::Simulation& simulation = parts_->simulation;
+  const auto hold = impl().usage.Look();
+  const simulator::Simulation& simulation = impl_->simulation;
   const InstrumentPoses& poses = simulation.state().poses();
   const InstrumentPoses& carried = simulation.report().carried;
   std::vector<InstrumentState> all;
   for (int k = 0; k < poses.size(); ++k) {
     const Eigen::Vector3d tip =
-        PointAt(parts_->lent->rod(), simulation.state().CurveOf(k), poses[k].insertion_mm);
+        PointAt(impl_->lent->rod(), simulation.state().CurveOf(k), poses[k].insertion_mm);
     all.push_back({.hand = {poses[k].insertion_mm, poses[k].rotation_rad},
                    .carried = {carried[k].insertion_mm, carried[k].rotation_rad},
                    .tip_mm = ToPoint(tip)});
@@ -202,85 +202,84 @@ std::vector<InstrumentState> Simulation::instruments() const {
 }
 
 double Simulation::energy_mJ() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.report().energy_mJ;
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.report().energy_mJ;
 }
 double Simulation::dissipated_mJ() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.report().dissipated_mJ;
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.report().dissipated_mJ;
 }
 double Simulation::residual() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.report().residual;
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.report().residual;
 }
 double Simulation::SolverErrorMm() {
-  const auto hold = parts().usage.Work();
-  return parts_->simulation.SolverErrorMm();
+  const auto hold = impl().usage.Work();
+  return impl_->simulation.SolverErrorMm();
 }
 double Simulation::DiscretizationErrorMm() {
-  const auto hold = parts().usage.Work();
-  return parts_->simulation.DiscretizationErrorMm();
+  const auto hold = impl().usage.Work();
+  return impl_->simulation.DiscretizationErrorMm();
 }
 double Simulation::max_penetration_mm() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.report().max_penetration_mm;
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.report().max_penetration_mm;
 }
 bool Simulation::outside_lumen() const {
-  const auto hold = parts().usage.Look();
-  return (parts_->simulation.status() & protocol::kWireOutsideLumen) != 0;
+  const auto hold = impl().usage.Look();
+  return (impl_->simulation.status() & protocol::kWireOutsideLumen) != 0;
 }
 
 std::vector<Contact> Simulation::contacts() const {
-  const auto hold = parts().usage.Look();
+  const auto hold = impl().usage.Look();
   std::vector<Contact> all;
   const auto add = [&all](int node, double penetration_mm) {
     all.push_back({static_cast<std::size_t>(node), penetration_mm});
   };
-  parts_->simulation.VisitContacts(parts_->simulation.state().FarthestCurve(), add);
+  impl_->simulation.VisitContacts(impl_->simulation.state().FarthestCurve(), add);
   return all;
 }
 
 std::vector<Contact> Simulation::InstrumentContacts(std::size_t instrument) const {
-  const auto hold = parts().usage.Look();
-  CheckInstrument(instrument, parts_->scene);
-  const WireState& state = parts_->simulation.state();
+  const auto hold = impl().usage.Look();
+  CheckInstrument(instrument, impl_->scene);
+  const WireState& state = impl_->simulation.state();
   const int k = static_cast<int>(instrument);
-  const int last =
-      NodesBefore(parts_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm);
+  const int last = NodesBefore(impl_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm);
   std::vector<Contact> all;
   const auto add = [&](int node, double penetration_mm) {
     // Beyond its tip the curve has another instrument.
     if (node <= last) all.push_back({static_cast<std::size_t>(node), penetration_mm});
   };
-  parts_->simulation.VisitContacts(parts_->lent->stack().CurveOf(k), add);
+  impl_->simulation.VisitContacts(impl_->lent->stack().CurveOf(k), add);
   return all;
 }
 
 std::uint64_t Simulation::state_hash() const {
-  const auto hold = parts().usage.Look();
-  return parts_->simulation.state_hash();
+  const auto hold = impl().usage.Look();
+  return impl_->simulation.state_hash();
 }
 
 std::vector<Reading> Simulation::readings() const {
-  const auto hold = parts().usage.Look();
+  const auto hold = impl().usage.Look();
   std::vector<Reading> all;
-  for (effects::Reading& reading : parts_->simulation.Readings()) {
+  for (effects::Reading& reading : impl_->simulation.Readings()) {
     all.push_back({std::move(reading.name), reading.value});
   }
   return all;
 }
 
 std::string Simulation::Record() const {
-  const auto hold = parts().usage.Look();
-  return simulator::FormatRecord(parts_->simulation, false);
+  const auto hold = impl().usage.Look();
+  return simulator::FormatRecord(impl_->simulation, false);
 }
 
 Forces Simulation::forces() const {
-  const auto hold = parts().usage.Look();
+  const auto hold = impl().usage.Look();
   Forces out;
-  const InternalForces* const forces = parts_->simulation.forces();
+  const InternalForces* const forces = impl_->simulation.forces();
   if (forces == nullptr) {
-    throw Error(parts_->scene.name() +
+    throw Error(impl_->scene.name() +
                 ": has no forces along the wire; add [effects.internal_forces]");
   }
   for (const Eigen::Vector3d& f : forces->contact_N) out.contact_mN.push_back(ToPoint(1e3 * f));

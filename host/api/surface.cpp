@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "host/api/parts.h"
+#include "host/api/impl.h"
 #include "host/simulator/vessel/mesh_check.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/patient_space.h"
@@ -21,7 +21,8 @@ vessel::MeshUnit UnitNamed(const std::string& name) {
     if (vessel::kLengthUnits[k].name == name) return static_cast<vessel::MeshUnit>(k);
     known += (known.empty() ? "" : ", ") + std::string(vessel::kLengthUnits[k].name);
   }
-  throw Error(fmt::format("mesh_unit = \"{}\" is no unit of length; give one of: {}", name, known));
+  throw Error(
+      fmt::format("mesh_unit = \"{}\" is not a unit of length; give one of: {}", name, known));
 }
 
 Surface SurfaceOf(const vessel::TriangleMesh& mesh, const std::vector<std::string>& findings) {
@@ -71,9 +72,9 @@ Surface Surface::FromTriangles(const std::vector<Point>& points,
 }
 
 Surface Scene::surface() const {
-  const vessel::Vessel& vessel = parts_->scene->vessel();
+  const vessel::Vessel& vessel = impl_->scene->vessel();
   if (vessel.surface != nullptr) return SurfaceOf(vessel.surface->mesh(), vessel.findings);
-  throw Error(path() + ": vessel.kind = \"" + parts_->scene->spec().vessel.kind +
+  throw Error(path() + ": vessel.kind = \"" + impl_->scene->spec().vessel.kind +
               "\": has no surface of triangles; use a scene with kind = \"surface\"");
 }
 

@@ -50,29 +50,29 @@ UdpmAssembly::Outcome UdpmAssembly::TakeFragment(std::span<const std::uint8_t> d
   const std::uint32_t fragments = BigEndian(datagram, 18, 2);
   std::span<const std::uint8_t> data = datagram.subspan(kFragmentHeader);
 
-  auto part = std::find_if(parts_.begin(), parts_.end(),
-                           [&](const Part& known) { return known.sender == sender; });
+  auto assembly = std::find_if(assemblies_.begin(), assemblies_.end(),
+                               [&](const Assembly& known) { return known.sender == sender; });
   if (fragment == 0) {
     // A sender finishes a message before it begins the next, so the rest of its last one is lost.
-    if (part != parts_.end()) parts_.erase(part);
+    if (assembly != assemblies_.end()) assemblies_.erase(assembly);
     const std::string_view channel = TakeChannel(data);
     if (channel.empty() || size > kLargestMessage) return Outcome::kRefused;
-    if (parts_.size() == kMostParts) parts_.pop_front();
-    part =
-        parts_.insert(parts_.end(), {sender, number, size, fragments, 0, std::string(channel), {}});
+    if (assemblies_.size() == kMostAssemblies) assemblies_.pop_front();
+    assembly = assemblies_.insert(assemblies_.end(),
+                                  {sender, number, size, fragments, 0, std::string(channel), {}});
   }
-  if (part == parts_.end()) return Outcome::kRefused;
-  const bool follows = part->number == number && part->size == size &&
-                       part->fragments == fragments && part->taken == fragment &&
-                       part->data.size() == offset && data.size() <= size - offset;
+  if (assembly == assemblies_.end()) return Outcome::kRefused;
+  const bool follows = assembly->number == number && assembly->size == size &&
+                       assembly->fragments == fragments && assembly->taken == fragment &&
+                       assembly->data.size() == offset && data.size() <= size - offset;
   if (!follows) {
-    parts_.erase(part);
+    assemblies_.erase(assembly);
     return Outcome::kRefused;
   }
-  part->data.insert(part->data.end(), data.begin(), data.end());
-  if (++part->taken < part->fragments) return Outcome::kPart;
-  done_ = std::move(*part);
-  parts_.erase(part);
+  assembly->data.insert(assembly->data.end(), data.begin(), data.end());
+  if (++assembly->taken < assembly->fragments) return Outcome::kFragment;
+  done_ = std::move(*assembly);
+  assemblies_.erase(assembly);
   message = {done_.channel, done_.data};
   return done_.data.size() == done_.size ? Outcome::kMessage : Outcome::kRefused;
 }

@@ -23,9 +23,9 @@ class UdpmAssembly {
     std::span<const std::uint8_t> data;
   };
   enum class Outcome {
-    kMessage,  ///< a message is complete
-    kPart,     ///< a fragment of one was taken
-    kRefused,  ///< damaged, too large, or a fragment that does not follow the one before
+    kMessage,   ///< a message is complete
+    kFragment,  ///< a fragment of one was taken
+    kRefused,   ///< damaged, too large, or a fragment that does not follow the one before
   };
 
   Outcome Take(std::span<const std::uint8_t> datagram, const Sender& sender, Message& message);
@@ -33,11 +33,11 @@ class UdpmAssembly {
   /// Largest assembled message, bytes; the largest message of Torquer is a tenth of it.
   static constexpr std::size_t kLargestMessage = std::size_t{4} << 20;
   /// Most messages assembled at a time; one more discards the oldest.
-  static constexpr std::size_t kMostParts = 8;
+  static constexpr std::size_t kMostAssemblies = 8;
 
  private:
   // Fragments must arrive in order, as they are sent; out of order, the message is lost.
-  struct Part {
+  struct Assembly {
     Sender sender;
     std::uint32_t number = 0;
     std::size_t size = 0;
@@ -50,8 +50,8 @@ class UdpmAssembly {
   Outcome TakeFragment(std::span<const std::uint8_t> datagram, const Sender& sender,
                        Message& message);
 
-  std::list<Part> parts_;  // oldest first
-  Part done_;
+  std::list<Assembly> assemblies_;  // oldest first
+  Assembly done_;
 };
 
 }  // namespace torquer::bus

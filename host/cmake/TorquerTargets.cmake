@@ -67,8 +67,8 @@ function(torquer_manual_page name)
   install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${ARG_COMPONENT})
 endfunction()
 
-# torquer_completion(NAME COMPONENT c COMMAND word.. [DEPENDS target..]): installs what bash completes
-# its command line by, which COMMAND prints for --completion bash.
+# torquer_completion(NAME COMPONENT c COMMAND word.. [DEPENDS target..]): installs its completion for bash, which
+# COMMAND prints for --completion bash.
 function(torquer_completion name)
   cmake_parse_arguments(ARG "" "COMPONENT" "COMMAND;DEPENDS" ${ARGN})
   set(completion ${PROJECT_BINARY_DIR}/share/bash-completion/completions/${name})

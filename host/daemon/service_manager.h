@@ -8,7 +8,7 @@
 
 namespace torquer::daemon {
 
-/// Sender of the notifications; does nothing if no service manager asked for them.
+/// Sends the notifications, if a service manager requests them.
 class ServiceManager {
  public:
   ServiceManager();

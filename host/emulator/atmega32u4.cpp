@@ -17,7 +17,7 @@
 #include "host/emulator/atmega32u4_hooks.h"
 
 #if defined(__SANITIZE_ADDRESS__)
-// libsimavr frees little of what a chip has allocated. Visible: the sanitizer is a shared library.
+// libsimavr frees only a part of a chip's memory. Visible: the sanitizer is a shared library.
 extern "C" [[gnu::visibility("default")]] const char* __lsan_default_suppressions() {
   return "leak:libsimavr\n";
 }
@@ -110,7 +110,7 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
 
 Atmega32u4::~Atmega32u4() {
   if (!avr_) return;
-  // The replaced modules free nothing of ours; the module list must not reach into this object.
+  // The replaced modules must not free memory of this object, so it leaves the module list.
   avr_->custom.data = nullptr;
   avr_terminate(avr_);
   std::free(avr_);
@@ -149,9 +149,9 @@ void Atmega32u4::ResetByBrownOut() {
   ResetFor(kBrownOutReset);
 }
 
-void Atmega32u4::SetDead(Part part) {
-  dead_ = part;
-  if (part == Part::kUsbMemory) usb_.ExhaustMemory();
+void Atmega32u4::SetDead(Peripheral peripheral) {
+  dead_ = peripheral;
+  if (peripheral == Peripheral::kUsbMemory) usb_.ExhaustMemory();
 }
 
 std::vector<std::string> Atmega32u4::PartsAwake() const {

@@ -94,9 +94,9 @@ class Atmega32u4 {
   /// A short dip of the supply triggers the brown-out detector. A byte of EEPROM that is being
   /// written is lost; the variables stay.
   void ResetByBrownOut();
-  /// From now on this part of the chip does not answer the firmware.
-  enum class Part { kNone, kPll, kSpi, kAdc, kEeprom, kUsbMemory };
-  void SetDead(Part part);
+  /// From now on this peripheral does not answer the firmware.
+  enum class Peripheral { kNone, kPll, kSpi, kAdc, kEeprom, kUsbMemory };
+  void SetDead(Peripheral peripheral);
 
   UsbController& usb() { return usb_; }
   /// Call after the host's side of usb() has made a change.
@@ -162,7 +162,7 @@ class Atmega32u4 {
   std::uint32_t noise_ = 1;
   int eeprom_writes_ = 0;
   int resets_ = 0;
-  Part dead_ = Part::kNone;
+  Peripheral dead_ = Peripheral::kNone;
   std::vector<std::string> violations_;
 };
 

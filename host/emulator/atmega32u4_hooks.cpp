@@ -58,7 +58,7 @@ void Atmega32u4::Hooks::WritePll(avr_t* avr, avr_io_addr_t address, std::uint8_t
     chip.Violation("CLKPR: the crystal's clock is divided by " + std::to_string(divider) +
                    ", so the CPU does not run at the image's clock");
   }
-  const bool locked = enabled && divider_fits && chip.dead_ != Part::kPll;
+  const bool locked = enabled && divider_fits && chip.dead_ != Peripheral::kPll;
   avr->data[address] = static_cast<std::uint8_t>((value & ~kLock) | (locked ? kLock : 0));
   chip.usb_.SetPllLocked(locked);
 }
@@ -90,7 +90,7 @@ void Atmega32u4::Hooks::WriteSpiData(avr_t* avr, avr_io_addr_t address, std::uin
 
 avr_cycle_count_t Atmega32u4::Hooks::OnSpiDone(avr_t* avr, avr_cycle_count_t, void* parameter) {
   Hooks& hooks = From(parameter);
-  if (hooks.chip.dead_ == Part::kSpi) return 0;
+  if (hooks.chip.dead_ == Peripheral::kSpi) return 0;
   hooks.spi_busy = false;
   hooks.spi_received =
       hooks.chip.spi_slave_ ? hooks.chip.spi_slave_(hooks.exchange) : std::uint8_t{0xff};
@@ -137,7 +137,7 @@ avr_cycle_count_t Atmega32u4::Hooks::OnEepromWindowEnd(avr_t* avr, avr_cycle_cou
 
 avr_cycle_count_t Atmega32u4::Hooks::OnEepromWritten(avr_t* avr, avr_cycle_count_t,
                                                      void* parameter) {
-  if (From(parameter).chip.dead_ == Part::kEeprom) return 0;
+  if (From(parameter).chip.dead_ == Peripheral::kEeprom) return 0;
   From(parameter).FinishEepromWrite();
   avr->data[kEecr] &= static_cast<std::uint8_t>(~0x02);
   return 0;
@@ -210,7 +210,7 @@ std::uint8_t Atmega32u4::Hooks::ReadAdcControl(avr_t* avr, avr_io_addr_t address
   const std::uint8_t value = hooks.stock_adc.r.c
                                  ? hooks.stock_adc.r.c(avr, address, hooks.stock_adc.r.param)
                                  : avr->data[address];
-  const bool dead = hooks.chip.dead_ == Part::kAdc && (value & kEnable);
+  const bool dead = hooks.chip.dead_ == Peripheral::kAdc && (value & kEnable);
   return static_cast<std::uint8_t>(value | (dead ? kConverting : 0));
 }
 

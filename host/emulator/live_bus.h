@@ -1,4 +1,4 @@
-// The emulator on LCM: takes the hand's motion live, publishes what its sensor saw, and its
+// The emulator on LCM: takes the hand's motion live, publishes the counts of its sensor, and its
 // status.
 #pragma once
 

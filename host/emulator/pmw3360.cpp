@@ -402,7 +402,7 @@ void VirtualPmw3360::Latch(double now_us) {
     transverse_counts_ -= counts.x;
   } else {
     stray_counts_ += std::abs(counts.x) + std::abs(counts.y);
-    // The first burst once all is set is thrown away with what came before.
+    // The first burst after the setup discards the earlier motion.
     set_up_ = configured_ && access_ == Access::kBurst;
   }
 

@@ -69,7 +69,7 @@ void SocketFront::Listen() {
   struct stat status {};
   if (lstat(path_.c_str(), &status) == 0) {
     if (!S_ISSOCK(status.st_mode)) {
-      throw UserError("--socket '" + path_ + "': exists and is no socket; choose another path");
+      throw UserError("--socket '" + path_ + "': exists and is not a socket; choose another path");
     }
     if (SomebodyListens(address)) {
       throw UserError("--socket '" + path_ +

@@ -45,8 +45,8 @@ std::shared_ptr<UMockdevTestbed> Machine() {
 
 }  // namespace
 
-/// The mocked bus with one device or none: its file, and what passes between that and the host
-/// model. The bench's mutex is held in all calls but those marked otherwise.
+/// The mocked bus with one device or none. It connects the device's file with the host model. The
+/// bench's mutex is held in all calls but those marked otherwise.
 class UmockdevBench::Bus {
  public:
   Bus(UsbHost& host, int port)
@@ -131,7 +131,7 @@ class UmockdevBench::Bus {
   /// Null while the device is off the bus.
   std::shared_ptr<UsbfsNode> node() const { return node_; }
 
-  /// Hands what programs want of the device to the host model.
+  /// Passes the requests of programs to the host model.
   void Service() {
     if (!node_) return;
     while (!hang_control) {

@@ -17,16 +17,16 @@ namespace torquer::emulator {
 template <class Device>
 void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
                   const std::shared_ptr<Device>& device) {
-  using Share = std::shared_ptr<Device>;
-  const auto on_ioctl =
-      +[](UMockdevIoctlBase* /*handler*/, UMockdevIoctlClient* client, gpointer share) -> gboolean {
-    return (*static_cast<Share*>(share))->Ioctl(client) ? TRUE : FALSE;
+  using SharedDevice = std::shared_ptr<Device>;
+  const auto on_ioctl = +[](UMockdevIoctlBase* /*handler*/, UMockdevIoctlClient* client,
+                            gpointer device) -> gboolean {
+    return (*static_cast<SharedDevice*>(device))->Ioctl(client) ? TRUE : FALSE;
   };
   const auto release =
-      +[](gpointer share, GClosure* /*closure*/) { delete static_cast<Share*>(share); };
+      +[](gpointer device, GClosure* /*closure*/) { delete static_cast<SharedDevice*>(device); };
   UMockdevIoctlBase* handler = umockdev_ioctl_base_new();
-  g_signal_connect_data(handler, "handle-ioctl", G_CALLBACK(on_ioctl), new Share(device), release,
-                        GConnectFlags{});
+  g_signal_connect_data(handler, "handle-ioctl", G_CALLBACK(on_ioctl), new SharedDevice(device),
+                        release, GConnectFlags{});
   GError* error = nullptr;
   umockdev_testbed_attach_ioctl(testbed, path.c_str(), handler, &error);
   g_object_unref(handler);

@@ -1,4 +1,5 @@
-// A usbfs file on a machine mocked by umockdev: what programs submit to it waits for the device.
+// A usbfs file on a machine mocked by umockdev. Submitted transfers of programs wait for the
+// device.
 #pragma once
 
 #include <umockdev.h>
@@ -70,7 +71,7 @@ class UsbfsNode {
  private:
   using Client = UMockdevIoctlClient;
 
-  // A transfer in the program's memory; umockdev copies back what changes here.
+  // A transfer in the program's memory; umockdev copies changes back.
   struct Urb {
     std::uint64_t id;
     Client* client;

@@ -56,7 +56,7 @@ PageVerdict PageFigures::Verdict() const {
     return {PageVerdict::Kind::kOpen, "Not gradable",
             "The session cannot be repeated exactly: " + SafeText(report_.not_gradable) +
                 ". The values below are those of the live session. They depend on the load of the "
-                "machine, so they are no marks."};
+                "machine, so they are not marks."};
   }
   if (!now_.target_reached && report_.Has("assessment")) {
     return {PageVerdict::Kind::kOpen, "Not known",
@@ -175,7 +175,7 @@ void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
     if (limits_.threshold_mN) above += " of " + LimitText(*limits_.threshold_mN);
     findings.push_back({above,
                         TimesText(*events) + ", " +
-                            SecondsText(Reading("wall_force_above_s").value_or(0)) + " in all",
+                            SecondsText(Reading("wall_force_above_s").value_or(0)) + " in total",
                         "none set", ""});
   }
   if (const auto pressure = Reading("wall_tip_pressure_ever_kPa")) {
@@ -187,18 +187,18 @@ void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
 void PageFigures::AddWay(std::vector<PageFinding>& findings) const {
   if (const auto entries = Reading("wrong_vessel_entries")) {
     findings.push_back({"Wrong vessels entered", TimesText(*entries), "none set",
-                        *entries == 0 ? "stayed on the way" : "left the way to the target"});
+                        *entries == 0 ? "stayed on the route" : "left the route to the target"});
   }
   if (const auto retractions = Reading("retractions")) {
-    findings.push_back({"Pulled back by 2 mm or more",
+    findings.push_back({"Retractions of 2 mm or more",
                         TimesText(*retractions) + ", " +
-                            ValueText(Reading("retracted_mm").value_or(0)) + " mm in all",
+                            ValueText(Reading("retracted_mm").value_or(0)) + " mm in total",
                         "none set", ""});
   }
   if (const auto ratio = Reading("tip_path_ratio")) {
     findings.push_back(
         {"Path length of the tip", TipPath(), "none set",
-         ValueText(*ratio) + " times the length of the way from its start to the target"});
+         ValueText(*ratio) + " times the length of the route from its start to the target"});
   }
 }
 

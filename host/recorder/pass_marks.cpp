@@ -33,7 +33,7 @@ constexpr std::array<MarkKey, 10> kMarkKeys = {
      {"contrast_mL", "Contrast agent", "contrast_injected_mL", "contrast"},
      {"path_ratio", "Path of the tip over the way to the target", "tip_path_ratio", "assessment"},
      {"wrong_vessels", "Wrong vessels entered", "wrong_vessel_entries", "assessment"},
-     {"retractions", "Pulled back by 2 mm or more", "retractions", "assessment"}}};
+     {"retractions", "Retractions of 2 mm or more", "retractions", "assessment"}}};
 constexpr char kTargetReached[] = "target_reached";
 
 // Fills in the verdict on a mark whose value is known.

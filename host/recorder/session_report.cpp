@@ -61,7 +61,7 @@ Distribution Distribute(std::vector<double>& values) {
 
 double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrument) {
   // Locates the published tip on the polyline. The insertion field only repeats the command, so it
-  // is no evidence.
+  // is not evidence.
   const Eigen::Vector3d tip(state.instruments[instrument].tip_mm);
   const auto& own_nodes_mm = state.instruments[instrument].nodes_mm;
   const auto& nodes_mm = own_nodes_mm.empty() ? state.nodes_mm : own_nodes_mm;

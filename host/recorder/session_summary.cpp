@@ -40,13 +40,13 @@ class Fields {
     return *found;
   }
   std::string Text(const char* name) const {
-    if (!At(name).is_string()) Refuse(std::string(name) + " is no text");
+    if (!At(name).is_string()) Refuse(std::string(name) + " is not a text");
     return At(name).get<std::string>();
   }
   std::optional<double> Number(const char* name) const {
     const nlohmann::json& value = At(name);
     if (value.is_null()) return std::nullopt;
-    if (!value.is_number()) Refuse(std::string(name) + " is no number");
+    if (!value.is_number()) Refuse(std::string(name) + " is not a number");
     const double number = value.get<double>();
     if (!(number >= 0 && number <= kMostValue)) Refuse(std::string(name) + " is out of range");
     return number;
@@ -57,12 +57,12 @@ class Fields {
     return *number;
   }
   const nlohmann::json& List(const char* name) const {
-    if (!At(name).is_array()) Refuse(std::string(name) + " is no list");
+    if (!At(name).is_array()) Refuse(std::string(name) + " is not a list");
     return At(name);
   }
   std::int64_t Count(const char* name) const {
     if (!At(name).is_number_integer() || At(name).get<std::int64_t>() < 0) {
-      Refuse(std::string(name) + " is no count");
+      Refuse(std::string(name) + " is not a count");
     }
     return At(name).get<std::int64_t>();
   }
@@ -72,7 +72,7 @@ class Fields {
     return At(name).get<bool>();
   }
   [[noreturn]] void Refuse(const std::string& what) const {
-    throw UserError(path_ + ": is no summary of a session: " + what);
+    throw UserError(path_ + ": is not a summary of a session: " + what);
   }
 
  private:

@@ -1,4 +1,4 @@
-// Describes in words what a scene simulates.
+// Describes the simulation of a scene in words.
 #pragma once
 
 #include <string>

@@ -93,7 +93,7 @@ class Comparison {
                {}};
 };
 
-struct Part {
+struct ExperimentOutput {
   StudyRun& run;
   Comparison& comparison;
 };
@@ -110,9 +110,9 @@ std::array<Series, 2> WithErrors(const std::string& label, const std::vector<dou
   return {bars, Series{label, Mark::kPoints, x, y, {}, color}};
 }
 
-void BendStrip(Part& part) {
-  part.run.Section("A steel strip under weights (Belendez, Neipp and Belendez 2003)");
-  part.run.Say(
+void BendStrip(ExperimentOutput& output) {
+  output.run.Section("A steel strip under weights (Belendez, Neipp and Belendez 2003)");
+  output.run.Say(
       "A steel strip of 400 x 25 x 0.4 mm is clamped level. Weights bend its end down by up to 0.7 "
       "of its length. Assumptions: readings and length are accurate to 1 mm, because no error is "
       "stated. E = 194.3 GPa is the authors' value for this strip, so only the shape of the curve "
@@ -126,7 +126,7 @@ void BendStrip(Part& part) {
   };
   std::vector<double> force, measured, error, none;
   for (const strip::Reading& reading : strip::kReadings) {
-    part.run.Progress("strip", 0.1 * reading.force_N / strip::kReadings.back().force_N);
+    output.run.Progress("strip", 0.1 * reading.force_N / strip::kReadings.back().force_N);
     Estimate ours = Refined(
         kCutMm, [&](double cut_mm) { return tip_mm(reading.force_N, strip::kLengthMm, cut_mm); });
     // Changes the length of each segment, not their number.
@@ -136,8 +136,8 @@ void BendStrip(Part& part) {
     };
     ours.error =
         std::hypot(ours.error, (by_length(strip::kReadingMm) - by_length(-strip::kReadingMm)) / 2);
-    part.comparison.Add("strip", "end down, " + Number(reading.force_N) + " N",
-                        {reading.measured_mm, strip::kReadingMm}, ours, "mm");
+    output.comparison.Add("strip", "end down, " + Number(reading.force_N) + " N",
+                          {reading.measured_mm, strip::kReadingMm}, ours, "mm");
     force.push_back(reading.force_N);
     measured.push_back(reading.measured_mm);
     error.push_back(strip::kReadingMm);
@@ -157,7 +157,7 @@ void BendStrip(Part& part) {
   for (Series& s : WithErrors("measured", force, measured, none, error, 1)) {
     plot.series.push_back(std::move(s));
   }
-  part.run.Draw(plot, "Error bars of 1 mm are smaller than the points.");
+  output.run.Draw(plot, "Error bars of 1 mm are smaller than the points.");
 }
 
 // Sensor noise: root mean square of the reading across the bend, which is ideally zero.
@@ -169,9 +169,9 @@ double SensorNoise(std::size_t sensor) {
   return std::sqrt(sum / static_cast<double>(needle::kInsertions.size()));
 }
 
-void BendNeedle(Part& part) {
-  part.run.Section("A needle bent in a phantom (J. S. Kim)");
-  part.run.Say(
+void BendNeedle(ExperimentOutput& output) {
+  output.run.Section("A needle bent in a phantom (J. S. Kim)");
+  output.run.Say(
       "A steel needle, 0.9 mm thick, is 90 mm deep in a phantom that bends it to one side. The "
       "curvature at the first sensor, 20 mm from the entry, sets the load. The simulator predicts "
       "the deflection of the tip and the curvature at 64 mm. Assumptions: the needle is clamped at "
@@ -192,8 +192,8 @@ void BendNeedle(Part& part) {
     Estimate ours = Refined(kCutMm, [&](double cut_mm) { return tip_mm(curvature, cut_mm); });
     ours.error =
         std::hypot(ours.error, tip_mm(curvature + noise[0], kCutMm) - tip_mm(curvature, kCutMm));
-    part.comparison.Add("needle", "tip off, insertion " + std::to_string(seen.size() + 1),
-                        {insertion.tip_mm, kNotStated}, ours, "mm");
+    output.comparison.Add("needle", "tip off, insertion " + std::to_string(seen.size() + 1),
+                          {insertion.tip_mm, kNotStated}, ours, "mm");
     seen.push_back(1e3 * curvature);
     seen_error.push_back(1e3 * noise[0]);
     tip.push_back(insertion.tip_mm);
@@ -205,13 +205,13 @@ void BendNeedle(Part& part) {
   }
   // The load is uniform, so an error of the first sensor propagates in proportion.
   const double passed_on = 1e3 * noise[0] * Mean(ours_far) / Mean(seen);
-  part.comparison.Add("needle", "curvature at 64 mm, mean", {Mean(far), 1e3 * noise[1]},
-                      {Mean(ours_far), passed_on}, "1/m");
-  part.run.Record("needle", "tip_ratio_mean", Mean(ratio), "");
-  part.run.Record("needle", "tip_ratio_deviation", Deviation(ratio), "");
-  part.run.Say("Ratio of our tip deflection to theirs: " + Number(Mean(ratio)) + " +- " +
-               Number(Deviation(ratio), 2) +
-               ". This is one systematic difference in seven cases, not seven errors.");
+  output.comparison.Add("needle", "curvature at 64 mm, mean", {Mean(far), 1e3 * noise[1]},
+                        {Mean(ours_far), passed_on}, "1/m");
+  output.run.Record("needle", "tip_ratio_mean", Mean(ratio), "");
+  output.run.Record("needle", "tip_ratio_deviation", Deviation(ratio), "");
+  output.run.Say("Ratio of our tip deflection to theirs: " + Number(Mean(ratio)) + " +- " +
+                 Number(Deviation(ratio), 2) +
+                 ". This is one systematic difference in seven cases, not seven errors.");
   Plot plot;
   plot.title = "A needle bent in a phantom";
   plot.x.label = "curvature 20 mm from the entry, 1/m";
@@ -225,7 +225,7 @@ void BendNeedle(Part& part) {
   for (Series& s : WithErrors("measured", seen, tip, seen_error, none, 1)) {
     plot.series.push_back(std::move(s));
   }
-  part.run.Draw(plot, "Error bars: the sensor's reading across the bend, which should be zero.");
+  output.run.Draw(plot, "Error bars: the sensor's reading across the bend, which should be zero.");
 }
 
 double PeakStress(const columns::Bar& bar, double slenderness, int segments) {
@@ -234,9 +234,9 @@ double PeakStress(const columns::Bar& bar, double slenderness, int segments) {
   return BucklingForce(length_mm, rigidity, segments) / bar.area_mm2;
 }
 
-void PressColumns(Part& part) {
-  part.run.Section("Bars pressed between clamps (A. Claux)");
-  part.run.Say(
+void PressColumns(ExperimentOutput& output) {
+  output.run.Section("Bars pressed between clamps (A. Claux)");
+  output.run.Say(
       "Round bars of 6 mm are 240 to 500 mm long. Assumptions: the ends neither turn nor move "
       "sideways, the bars are straight, the moduli are nominal, and nothing yields. Only bars with "
       "a computed stress below half of that in the metal's shortest bar are compared. No error is "
@@ -250,16 +250,16 @@ void PressColumns(Part& part) {
   std::vector<Pair> pairs;
   std::vector<double> ratios;
   for (const columns::Specimen& specimen : columns::kSpecimens) {
-    part.run.Progress("columns", 0.4 + 0.02 * static_cast<double>(pairs.size()));
+    output.run.Progress("columns", 0.4 + 0.02 * static_cast<double>(pairs.size()));
     const double coarse = PeakStress(specimen.bar, specimen.slenderness, kSegments);
     const double fine = PeakStress(specimen.bar, specimen.slenderness, 2 * kSegments);
     pairs.push_back({&specimen, {fine, std::abs(fine - coarse)}});
     ratios.push_back(specimen.peak_MPa / fine);
   }
   const double scatter = Deviation(ratios);
-  part.run.Record("columns", "theirs_over_ours_mean", Mean(ratios), "");
-  part.run.Record("columns", "theirs_over_ours_deviation", scatter, "");
-  part.run.Say("Theirs over ours: " + Number(Mean(ratios)) + " +- " + Number(scatter, 2) + ".");
+  output.run.Record("columns", "theirs_over_ours_mean", Mean(ratios), "");
+  output.run.Record("columns", "theirs_over_ours_deviation", scatter, "");
+  output.run.Say("Theirs over ours: " + Number(Mean(ratios)) + " +- " + Number(scatter, 2) + ".");
   Plot plot;
   plot.title = "Bars pressed between clamps";
   plot.x = {"length over radius of gyration", true, {}};
@@ -272,9 +272,9 @@ void PressColumns(Part& part) {
       const columns::Specimen& specimen = *pair.specimen;
       if (&specimen.bar != bar) continue;
       const double error = scatter * specimen.peak_MPa;
-      part.comparison.Add("columns",
-                          std::string(bar->metal) + ", slenderness " + Number(specimen.slenderness),
-                          {specimen.peak_MPa, error}, pair.ours, "MPa");
+      output.comparison.Add(
+          "columns", std::string(bar->metal) + ", slenderness " + Number(specimen.slenderness),
+          {specimen.peak_MPa, error}, pair.ours, "MPa");
       line.x.push_back(specimen.slenderness);
       line.y.push_back(pair.ours.value);
       x.push_back(specimen.slenderness);
@@ -289,8 +289,8 @@ void PressColumns(Part& part) {
     }
     ++color;
   }
-  part.run.Draw(plot,
-                "Error bars: scatter of the six bars about their common ratio to our results.");
+  output.run.Draw(plot,
+                  "Error bars: scatter of the six bars about their common ratio to our results.");
 }
 
 // Equilibrium of the paper's wire in our phantom, near a given shape.
@@ -306,9 +306,9 @@ struct Resting {
   }
 };
 
-bool LayInPhantom(Part& part) {
-  part.run.Section("A guidewire in a phantom (Baier et al. 2016, Fig. 12)");
-  part.run.Say(
+bool LayInPhantom(ExperimentOutput& output) {
+  output.run.Section("A guidewire in a phantom (Baier et al. 2016, Fig. 12)");
+  output.run.Say(
       "The paper inserts a wire of 250 mm into a stiff phantom with a T and a Y. The wire is 0.262 "
       "+- 0.227 mm (standard deviation along the wire) from the simulated wire. The artery is "
       "published as a picture only, so the experiment cannot be repeated. This comparison gives "
@@ -316,12 +316,12 @@ bool LayInPhantom(Part& part) {
       "same parts (lumen 8 mm). The reference is the same wire in equilibrium with fine segments. "
       "Assumptions: a straight wire, no friction, and a wall of 0.01 N/mm^2, which the paper does "
       "not give.");
-  const bool quick = part.run.quick();
+  const bool quick = output.run.quick();
   const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
   PaperBench theirs(vessel, {.segment_mm = phantom::kSegmentMm});
   theirs.InsertFast();
   for (int k = 0; k < phantom::kCycles; ++k) {
-    part.run.Progress("phantom", 0.6 + 0.2 * k / phantom::kCycles);
+    output.run.Progress("phantom", 0.6 + 0.2 * k / phantom::kCycles);
     theirs.Cycle(true);
   }
   const double fine_mm = quick ? 0.5 : 0.2;
@@ -357,18 +357,18 @@ bool LayInPhantom(Part& part) {
               {}};
   for (const Wire& c : cases) {
     const double largest = *std::max_element(c.mm.begin(), c.mm.end());
-    part.run.Record("phantom/" + c.metric, "mean", Mean(c.mm), "mm");
-    part.run.Record("phantom/" + c.metric, "deviation", Deviation(c.mm), "mm");
-    part.run.Record("phantom/" + c.metric, "largest", largest, "mm");
+    output.run.Record("phantom/" + c.metric, "mean", Mean(c.mm), "mm");
+    output.run.Record("phantom/" + c.metric, "deviation", Deviation(c.mm), "mm");
+    output.run.Record("phantom/" + c.metric, "largest", largest, "mm");
     table.rows.push_back({c.name, Number(Mean(c.mm)), Number(Deviation(c.mm)), Number(largest)});
   }
-  part.run.Show(table);
-  part.comparison.AddSize("phantom", "real wire; the paper's method",
-                          {phantom::kMeanMm, phantom::kDeviationMm},
-                          {Mean(cases[0].mm), Deviation(cases[0].mm)}, "mm");
-  part.comparison.AddSize("phantom", "real wire; ours, 1 mm",
-                          {phantom::kMeanMm, phantom::kDeviationMm},
-                          {Mean(cases[1].mm), Deviation(cases[1].mm)}, "mm");
+  output.run.Show(table);
+  output.comparison.AddSize("phantom", "real wire; the paper's method",
+                            {phantom::kMeanMm, phantom::kDeviationMm},
+                            {Mean(cases[0].mm), Deviation(cases[0].mm)}, "mm");
+  output.comparison.AddSize("phantom", "real wire; ours, 1 mm",
+                            {phantom::kMeanMm, phantom::kDeviationMm},
+                            {Mean(cases[1].mm), Deviation(cases[1].mm)}, "mm");
   Plot plot;
   plot.title = "A guidewire in a phantom";
   plot.x.label = "distance from the tip, mm";
@@ -385,7 +385,7 @@ bool LayInPhantom(Part& part) {
                          {phantom::kMeanMm, phantom::kMeanMm},
                          {},
                          color});
-  part.run.Draw(plot, "A distance well below the dashed line is too small to explain it.");
+  output.run.Draw(plot, "A distance well below the dashed line is too small to explain it.");
   return fine.converged && coarse.converged && stiffer.converged && harder.converged &&
          wider.converged;
 }
@@ -402,11 +402,11 @@ class ExperimentsStudy final : public Study {
         "Errors are standard deviations. The last column is our value minus theirs, divided by the "
         "root of the sum of both squared errors. An unstated error counts as zero.");
     Comparison comparison(run);
-    Part part{run, comparison};
-    BendStrip(part);
-    BendNeedle(part);
-    PressColumns(part);
-    const bool rests = LayInPhantom(part);
+    ExperimentOutput output{run, comparison};
+    BendStrip(output);
+    BendNeedle(output);
+    PressColumns(output);
+    const bool rests = LayInPhantom(output);
     run.ShowFirst(comparison.table());
     return rests;
   }

@@ -41,7 +41,7 @@ struct LogDamage {
   std::string Describe() const;
 };
 
-/// Reads a log record by record, with limited memory. Logs that were joined are no damage: the
+/// Reads a log record by record, with limited memory. Logs that were joined are not damage: the
 /// numbers begin again. It reaches the end for any bytes. A record is
 /// valid if its header is plausible and another record or the end of the file follows it. Bytes
 /// between valid records are counted and skipped.

@@ -52,7 +52,7 @@ toml::table& Named(const Place& place, const std::string& list, toml::array& all
   for (toml::node& element : all) {
     toml::table* const table = element.as_table();
     if (table == nullptr)
-      place.Refuse(fmt::format("leads into {}, which is no list of tables", list));
+      place.Refuse(fmt::format("leads into {}, which is not a list of tables", list));
     names.push_back(table->get_as<std::string>("name") == nullptr
                         ? ""
                         : table->get_as<std::string>("name")->get());

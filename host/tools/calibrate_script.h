@@ -17,7 +17,7 @@
 //   device SERIAL CPI
 //   rest SECONDS
 //   move AXIAL TRANSVERSE SECONDS    by so many counts, evenly over that time
-//   lift SECONDS                     the sensor sees nothing
+//   lift SECONDS                     the sensor sees no surface
 //   fault SECONDS                    the sensor does not answer
 //   joystick X Y SECONDS             holds the stick there, 0 .. 1023
 //   reset                            the device restarts

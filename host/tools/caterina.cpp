@@ -70,7 +70,7 @@ void AskSketchIntoCaterina(const std::string& port) {
     ioctl(tty, TIOCMBIC, &terminal_ready);
   }
   close(tty);
-  if (!is_port) throw UserError(fmt::format("{}: is no serial port; {}", port, kResetByHand));
+  if (!is_port) throw UserError(fmt::format("{}: is not a serial port; {}", port, kResetByHand));
 }
 
 }  // namespace torquer::tools

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "host/bus/active_simulators.h"
 #include "host/bus/sender.h"
-#include "host/bus/simulators_heard.h"
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
@@ -63,7 +63,7 @@ class LiveStatus {
 
   std::int64_t clock_id_;
   std::string scene_ = "no scene";
-  bus::SimulatorsHeard simulators_;
+  bus::ActiveSimulators simulators_;
   std::map<std::string, Daemon> daemons_;  // by instrument
   std::int64_t samples_ = 0;
   std::int64_t states_ = 0;

@@ -38,7 +38,8 @@ int Taken() {
   if (getsockopt(kFirstPassed, SOL_SOCKET, SO_ACCEPTCONN, &listens, &size) != 0 || listens == 0 ||
       getsockname(kFirstPassed, reinterpret_cast<sockaddr*>(&address), &length) != 0 ||
       address.sin_family != AF_INET) {
-    throw UserError("file 3, passed by LISTEN_FDS, is no listening TCP socket of IPv4; pass one");
+    throw UserError(
+        "file 3, passed by LISTEN_FDS, is not a listening TCP socket of IPv4; pass one");
   }
   fcntl(kFirstPassed, F_SETFD, FD_CLOEXEC);
   return kFirstPassed;

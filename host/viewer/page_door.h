@@ -1,4 +1,4 @@
-// Admission of connections, limits on what a page may send, and the reason when it is cut off. No
+// Admission of connections, limits on the messages of a page, and the reason when it is closed. No
 // I/O, no clock.
 #pragma once
 

@@ -12,9 +12,9 @@
 #include <string>
 #include <utility>
 
+#include "host/bus/active_simulators.h"
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
-#include "host/bus/simulators_heard.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
 #include "host/viewer/health_topics.h"
@@ -290,7 +290,7 @@ class Viewer {
   bus::HealthReporter health_;
   Steering steering_;
   HealthTopics health_topics_;
-  bus::SimulatorsHeard simulators_;
+  bus::ActiveSimulators simulators_;
   std::optional<torquer_lcm::wire_state_t> state_;
   std::optional<torquer_lcm::wire_forces_t> forces_;
   struct Hand {

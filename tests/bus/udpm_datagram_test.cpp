@@ -67,9 +67,9 @@ TEST_CASE("Fragments of several senders are put together, each sender's apart") 
   const auto take = [&](const Sender& sender, FragmentHeader header, const std::string& rest) {
     return assembly.Take(FragmentDatagram(header, rest), sender, message);
   };
-  CHECK(take(kOne, {5, 6, 0, 0, 3}, kChannel + "ab") == Outcome::kPart);
-  CHECK(take(kOther, {5, 2, 0, 0, 2}, kChannel + "x") == Outcome::kPart);
-  CHECK(take(kOne, {5, 6, 2, 1, 3}, "cd") == Outcome::kPart);
+  CHECK(take(kOne, {5, 6, 0, 0, 3}, kChannel + "ab") == Outcome::kFragment);
+  CHECK(take(kOther, {5, 2, 0, 0, 2}, kChannel + "x") == Outcome::kFragment);
+  CHECK(take(kOne, {5, 6, 2, 1, 3}, "cd") == Outcome::kFragment);
   REQUIRE(take(kOther, {5, 2, 1, 1, 2}, "y") == Outcome::kMessage);
   CHECK(Text(message) == "A:xy");
   REQUIRE(take(kOne, {5, 6, 4, 2, 3}, "ef") == Outcome::kMessage);
@@ -87,7 +87,7 @@ TEST_CASE("A fragment that does not follow gives its message up, not the next") 
   UdpmAssembly assembly;
   UdpmAssembly::Message message;
   REQUIRE(assembly.Take(FragmentDatagram({5, 6, 0, 0, 3}, kChannel + "ab"), kOne, message) ==
-          Outcome::kPart);
+          Outcome::kFragment);
   CHECK(assembly.Take(FragmentDatagram(wrong, "cd"), kOne, message) == Outcome::kRefused);
   CHECK(assembly.Take(FragmentDatagram({5, 6, 2, 1, 3}, "cd"), kOne, message) == Outcome::kRefused);
   REQUIRE(assembly.Take(FragmentDatagram({7, 2, 0, 0, 1}, kChannel + "ok"), kOne, message) ==
@@ -99,7 +99,7 @@ TEST_CASE("The two fragments that end liblcm 1.3.1 are refused") {
   UdpmAssembly assembly;
   UdpmAssembly::Message message;
   CHECK(assembly.Take(FragmentDatagram({1, 1000, 0, 0, 3}, kChannel + "ab"), kOne, message) ==
-        Outcome::kPart);
+        Outcome::kFragment);
   // Offset plus size wraps around in 32 bits; the sum is then within the announced 1000 bytes.
   CHECK(assembly.Take(FragmentDatagram({1, 1000, 0xffffff00, 1, 3}, std::string(0x200, 'z')), kOne,
                       message) == Outcome::kRefused);
@@ -121,10 +121,10 @@ TEST_CASE("More than was announced, less, or too much is refused") {
 TEST_CASE("Only so many messages are in the making") {
   UdpmAssembly assembly;
   UdpmAssembly::Message message;
-  const auto count = static_cast<std::uint16_t>(UdpmAssembly::kMostParts + 1);
+  const auto count = static_cast<std::uint16_t>(UdpmAssembly::kMostAssemblies + 1);
   for (std::uint16_t k = 0; k < count; ++k) {
     CHECK(assembly.Take(FragmentDatagram({1, 2, 0, 0, 2}, kChannel + "a"), {1, k}, message) ==
-          Outcome::kPart);
+          Outcome::kFragment);
   }
   CHECK(assembly.Take(FragmentDatagram({1, 2, 1, 1, 2}, "b"), {1, 0}, message) ==
         Outcome::kRefused);

@@ -76,7 +76,7 @@ TEST_CASE("after Caterina, the LEDs that it drove are dark in suspend") {
 
 TEST_CASE("a controller that gives no memory is started again, and no report is believed sent") {
   Bench bench;
-  bench.device.chip().SetDead(Atmega32u4::Part::kUsbMemory);
+  bench.device.chip().SetDead(Atmega32u4::Peripheral::kUsbMemory);
   bench.Run(1);
   CHECK(bench.reports == 0);
   CHECK(bench.device.chip().resets() > 0);
@@ -150,7 +150,7 @@ TEST_CASE("a pedal that is closed at rest is pressed while it is open") {
   bench.CheckRules();
 }
 
-TEST_CASE("the end switch marks the same place of the travel each time, whatever the count says") {
+TEST_CASE("the end switch marks the same place of the travel each time, for any count") {
   BenchOptions options;
   options.reference_switch_mm = 2.0;
   options.contact_bounce_us = 5000;

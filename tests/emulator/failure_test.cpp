@@ -51,7 +51,7 @@ void Fail(VirtualPmw3360::Fault fault) {
   bench.CheckRules();
 }
 
-TEST_CASE("a sensor that falls silent is flagged, started again, and the count goes on") {
+TEST_CASE("a silent sensor is flagged and started again, and the count continues") {
   Fail(VirtualPmw3360::Fault::kSilent);
 }
 TEST_CASE("the same for a data line shorted to ground") { Fail(VirtualPmw3360::Fault::kShorted); }
@@ -215,7 +215,7 @@ TEST_CASE("power cut in every byte of a change of the settings leaves the old or
   CHECK(new_ones >= 3);
 }
 
-TEST_CASE("settings written twice alike wear nothing") {
+TEST_CASE("settings written twice are stored once") {
   Bench bench;
   bench.Start();
   REQUIRE(bench.Configure(800, 99) == TransferStatus::kDone);
@@ -226,7 +226,7 @@ TEST_CASE("settings written twice alike wear nothing") {
   CHECK(bench.device.chip().eeprom_writes() == writes);
 }
 
-TEST_CASE("a dip of the supply is reported as a brown-out, and so is what it cost") {
+TEST_CASE("a dip of the supply is reported as a brown-out, with its losses") {
   Bench bench;
   bench.device.SetHand(Slowly);
   bench.Start();
@@ -247,16 +247,16 @@ TEST_CASE("a dip of the supply is reported as a brown-out, and so is what it cos
 
 // While the firmware waits for a part of the chip, it must not kick the watchdog.
 TEST_CASE("a part of the chip that never answers is ended by the watchdog, which is reported") {
-  using Part = Atmega32u4::Part;
+  using Peripheral = Atmega32u4::Peripheral;
   for (const FirmwareImage& image : {Image16(), Image8()}) {
-    for (const Part part : {Part::kSpi, Part::kAdc}) {
-      INFO(static_cast<int>(part));
+    for (const Peripheral peripheral : {Peripheral::kSpi, Peripheral::kAdc}) {
+      INFO(static_cast<int>(peripheral));
       Bench bench({}, image);
       bench.Start();
-      bench.device.chip().SetDead(part);
+      bench.device.chip().SetDead(peripheral);
       for (int i = 0; i < 1000 && bench.device.chip().resets() < 2; ++i) bench.host.RunFrame();
       CHECK(bench.device.chip().resets() >= 2);
-      bench.device.chip().SetDead(Part::kNone);
+      bench.device.chip().SetDead(Peripheral::kNone);
       bench.Run(0.3);
       bench.Start();
       CHECK(bench.Diagnostics().reset_reason == 8);
@@ -264,10 +264,10 @@ TEST_CASE("a part of the chip that never answers is ended by the watchdog, which
   }
 }
 
-TEST_CASE("an EEPROM that never gets ready keeps nothing else waiting") {
+TEST_CASE("an EEPROM that is never ready blocks no other work") {
   Bench bench;
   bench.Start();
-  bench.device.chip().SetDead(Atmega32u4::Part::kEeprom);
+  bench.device.chip().SetDead(Atmega32u4::Peripheral::kEeprom);
   REQUIRE(bench.Configure(800, 99) == TransferStatus::kDone);
   bench.Run(1);
   CHECK(bench.last.cpi == 800);

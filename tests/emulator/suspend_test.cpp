@@ -20,7 +20,7 @@ std::string PartsAwake(Bench& bench) {
   return names.str();
 }
 
-TEST_CASE("a suspended device sleeps within 10 ms, and goes on from its count when resumed") {
+TEST_CASE("a suspended device sleeps within 10 ms, and keeps its count") {
   for (const FirmwareImage& image : {Image16(), Image8()}) {
     Bench bench({}, image);
     bench.device.SetHand(Steady);
@@ -165,10 +165,10 @@ TEST_CASE("a firmware that hangs while it is suspended is reset by the watchdog"
   bench.Start();
   bench.host.Suspend();
   bench.Run(0.2);
-  bench.device.chip().SetDead(Atmega32u4::Part::kPll);  // on resume it waits for the clock
+  bench.device.chip().SetDead(Atmega32u4::Peripheral::kPll);  // on resume it waits for the clock
   bench.host.Resume();
   bench.Run(0.1);
-  bench.device.chip().SetDead(Atmega32u4::Part::kNone);
+  bench.device.chip().SetDead(Atmega32u4::Peripheral::kNone);
   bench.Run(0.2);
   CHECK(bench.device.chip().resets() > 0);
   bench.Start();

@@ -67,7 +67,7 @@ TEST_CASE("a board in Caterina gets its first page last, and is verified") {
   }
 }
 
-TEST_CASE("avrdude does not outlive a board that is lost, and the user learns how to go on") {
+TEST_CASE("avrdude ends with a lost board, and the user gets the remedy") {
   CaterinaResponder board;
   AvrdudeOptions options;
   SECTION("in the midst of the writing") {
@@ -96,7 +96,7 @@ TEST_CASE("a page that does not read back is reported") {
              Contains("avrdude failed with this output:") && Contains("verif"));
 }
 
-TEST_CASE("a port that is none, and a missing avrdude, are reported") {
+TEST_CASE("an invalid port and a missing avrdude are reported") {
   CHECK_THAT(Failure("/nonexistent", {}), Contains("/nonexistent"));
   AvrdudeOptions options;
   options.avrdude = "no-such-avrdude";
@@ -104,7 +104,7 @@ TEST_CASE("a port that is none, and a missing avrdude, are reported") {
                     Contains("apt-get install avrdude"));
 }
 
-TEST_CASE("a program that ignores its board and its parent is killed all the same") {
+TEST_CASE("a program that ignores its board and its parent is killed") {
   const torquer::test::TemporaryFolder folder;
   const std::string deaf = folder.Path("deaf");
   {
@@ -133,5 +133,5 @@ TEST_CASE("an Arduino program is asked for its bootloader by 1200 baud at its po
   CHECK_THROWS_WITH(torquer::tools::AskSketchIntoCaterina("/nonexistent/tty"),
                     Contains("/nonexistent/tty") && Contains("twice within a second"));
   CHECK_THROWS_WITH(torquer::tools::AskSketchIntoCaterina("/dev/null"),
-                    Contains("is no serial port"));
+                    Contains("is not a serial port"));
 }

@@ -50,7 +50,7 @@ bool Try(const Target& target, std::span<const std::uint8_t> input) {
   } catch (const UserError&) {
     return false;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "%s: an exception that is no refusal: %s\n", target.name.c_str(),
+    std::fprintf(stderr, "%s: an exception that is not a refusal: %s\n", target.name.c_str(),
                  e.what());
     std::abort();
   }

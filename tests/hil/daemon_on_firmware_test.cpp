@@ -128,7 +128,7 @@ TEST_CASE("The instrument moves by the counts of the firmware's sensor, count fo
   CHECK(bench.daemon->Wait() == 0);
 }
 
-TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a jump") {
+TEST_CASE("The chain continues without a jump after unplug, reset, stall and short transfers") {
   Bench bench;
   const std::size_t connection = bench.listener.commands.size();
   SECTION("unplugged and plugged in again, three times") {
@@ -148,12 +148,12 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
   }
   SECTION("hung, and reset by its watchdog") {
     bench.device.Do([](BenchDevice& device, UsbHost&) {
-      device.chip().SetDead(torquer::emulator::Atmega32u4::Part::kSpi);
+      device.chip().SetDead(torquer::emulator::Atmega32u4::Peripheral::kSpi);
     });
     REQUIRE(bench.listener.UntilHealth("waiting for device", "was unplugged"));
     bench.device.Do([](BenchDevice& device, UsbHost&) {
       CHECK(device.chip().resets() > 0);
-      device.chip().SetDead(torquer::emulator::Atmega32u4::Part::kNone);
+      device.chip().SetDead(torquer::emulator::Atmega32u4::Peripheral::kNone);
     });
     REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
   }
@@ -200,7 +200,7 @@ TEST_CASE("A device that answers no request in time is not taken, and is once it
   CHECK(served->WaitForError("running: reading device HIL-1"));
 }
 
-TEST_CASE("Two devices drive two instruments, each its own, and one's fate is not the other's") {
+TEST_CASE("Two devices drive two instruments independently") {
   Bench bench;
   PushingHand second_hand;
   UmockdevBench second(

@@ -149,7 +149,7 @@ class Bugs(Tree):
         return done.returncode, seen, done.stdout + done.stderr
 
     def passed(self) -> str:
-        with open(os.path.join(self.root, "tests/lint/passed"), encoding="utf-8") as file:
+        with open(os.path.join(self.root, "tests/lint/tidy_cache"), encoding="utf-8") as file:
             return file.read()
 
     def test_a_fresh_clone_profits_from_the_list(self):
@@ -159,14 +159,14 @@ class Bugs(Tree):
         subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
         status, seen, said = self.run_bugs()
         self.assertEqual((status, len(seen)), (0, self.rotation()))
-        self.assertIn("looked at 0 with a text that is not in tests/lint/passed", said)
+        self.assertIn("looked at 0 with a text that is not in tests/lint/tidy_cache", said)
         # --fresh ignores the list.
         self.assertEqual(self.run_bugs("--fresh")[1], set(self.names))
 
     def rotation(self) -> int:
         return load("bugs").ROTATION
 
-    def test_a_changed_source_is_looked_at_and_a_stale_list_is_no_failure(self):
+    def test_a_changed_source_is_checked_and_a_stale_list_is_not_a_failure(self):
         self.run_bugs("--update")
         self.write("s07.cpp", "int better;\n")
         status, seen, said = self.run_bugs()
@@ -207,13 +207,13 @@ class Bugs(Tree):
         self.assertEqual(status, 2)
         self.assertIn("none of its sources lies there", said)
 
-    def test_a_list_edited_by_hand_hides_nothing_for_long(self):
+    def test_a_list_edited_by_hand_hides_no_finding_for_long(self):
         self.run_bugs("--update")
         # A key moved to another source or path does not count as a pass.
         lines = self.passed().splitlines()
         self.write("s03.cpp", "int BUG;\n")
         forged = [line.replace("s04.cpp", "s03.cpp") for line in lines if not line.startswith("s03.cpp")]
-        self.write("tests/lint/passed", "\n".join(forged) + "\n")
+        self.write("tests/lint/tidy_cache", "\n".join(forged) + "\n")
         subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
         self.assertEqual(self.run_bugs()[0], 1)
         # A forged line with a valid key is found by --fresh, and by some run of some commit.
@@ -222,7 +222,7 @@ class Bugs(Tree):
         entry = {"file": os.path.join(self.root, "s03.cpp"), "command": "c++ -c s03.cpp -o s03.cpp.o"}
         right = bugs.Source(entry["file"], bugs.flags_of(entry), os.path.join(self.root, "build/release"),
                             "version 22.1.8").line()
-        self.write("tests/lint/passed", "\n".join([right, *lines]) + "\n")
+        self.write("tests/lint/tidy_cache", "\n".join([right, *lines]) + "\n")
         self.assertEqual(self.run_bugs("--fresh")[0], 1)
         subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
         git = ["git", "-C", self.root, "-c", "user.name=t", "-c", "user.email=t@localhost"]

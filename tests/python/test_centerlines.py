@@ -210,7 +210,7 @@ ASCII = vtp()
         (vtp("base64").replace(b"\n_", b"\n"), "AppendedData has no data"),
         (vtp("raw").replace(b'offset="0"', b'offset="999999"'), "offset is '999999'"),
         (vtp("raw").replace(b'offset="0"', b'offset="4"'), "bytes, not 32"),
-        (vtp("inline").replace(b'"binary">\n', b'"binary">\n!'), "is no base64"),
+        (vtp("inline").replace(b'"binary">\n', b'"binary">\n!'), "is not base64"),
         (vtp("raw")[:-45], "ends after"),
         (vtp("zlib-raw").replace(b'offset="0"', b'offset="4"'), "blocks of"),
         (vtp("zlib-raw").replace(b"\x78\x9c", b"\x00\x00"), "block 0: Error -3"),

@@ -141,7 +141,7 @@ def test_meshio(states_file):
         ('{"time_s": 1, "nodes_mm": [[1,2,3],[1,2]]}', r":1: field nodes_mm[1] is [1, 2]"),
         ('{"time_s": 1, "nodes_mm": [[1,2,3],[1,2,"3"]]}', ":1: field nodes_mm[1] is"),
         ('{"time_s": 1, "nodes_mm": [[1,2,3],[1,2,1e999]]}', ":1: field nodes_mm holds a number"),
-        ('{"time_s": 1, "nodes_mm": [[1,2,3],[1,2,NaN]]}', ":1: not valid JSON (NaN is no number"),
+        ('{"time_s": 1, "nodes_mm": [[1,2,3],[1,2,NaN]]}', ":1: not valid JSON (NaN is not a number"),
         (line(1, tension_mN=[1, 2]), ":1: field tension_mN has 2 entries for 3 nodes"),
     ],
 )

@@ -16,7 +16,7 @@ using namespace torquer::test;
 using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
 
-TEST_CASE("A damaged log becomes a clip, with status 1 and what was left out") {
+TEST_CASE("A damaged log becomes a clip, with status 1 and a list of the missing pictures") {
   const TemporaryFolder folder;
   ClipFaults made;
   made.damaged_picture = true;
@@ -84,7 +84,7 @@ TEST_CASE("An encoder that ends well without a whole video leaves the old clip")
   CHECK(Contents(folder.Path(name)) == "old");
 }
 
-TEST_CASE("A full disk leaves the old clip or none, wherever it becomes full") {
+TEST_CASE("A disk that becomes full at any time leaves the old clip or none") {
   const bool mp4 = GENERATE(true, false);
   const TemporaryFolder folder;
   WriteScreenLog(folder.Path("log"));

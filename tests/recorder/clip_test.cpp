@@ -148,7 +148,7 @@ TEST_CASE("A picture that came at half its size fills the clip") {
   CheckFrame(video, 20, 200, true, true);
 }
 
-TEST_CASE("Where pictures do not fill a clip it is black") {
+TEST_CASE("A clip is black outside its pictures") {
   const GrayPicture wide = FitInto({2, 1, {100, 200}}, 4, 4);
   CHECK(wide.pixels == std::vector<std::uint8_t>{0, 0, 0, 0, 100, 100, 200, 200,  //
                                                  100, 100, 200, 200, 0, 0, 0, 0});
@@ -170,7 +170,7 @@ TEST_CASE("Without commands in a log X-ray is on while its pictures are new") {
   CHECK(course.At(600'000).planes[0].picture == 1);
 }
 
-TEST_CASE("Where commands end in a log the pedal goes up as in the simulator") {
+TEST_CASE("The pedal goes up at the end of the commands in a log, as in the simulator") {
   const TemporaryFolder folder;
   ScreenLog log(folder.Path("log"));
   log.Picture(0, 1, 60);
@@ -185,7 +185,7 @@ TEST_CASE("Where commands end in a log the pedal goes up as in the simulator") {
   CHECK_FALSE(course.At(1'300'000).xray);
 }
 
-TEST_CASE("Bytes that are no picture are none") {
+TEST_CASE("Invalid bytes give no picture") {
   effects::ImageSource::Picture picture;
   picture.width = picture.height = 64;
   picture.gray.assign(64 * 64, 90);

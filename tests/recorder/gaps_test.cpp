@@ -78,7 +78,7 @@ std::vector<std::size_t> Inner(const Records& records, const std::string& channe
 
 }  // namespace
 
-TEST_CASE("Whatever a log lacks, has twice or has in another order is said") {
+TEST_CASE("Missing, repeated and misordered messages of a log are reported") {
   const TemporaryFolder folder;
   SessionFaults faults;
   faults.running_counts = true;
@@ -177,7 +177,7 @@ TEST_CASE("Two logs joined are two sessions, and no report judges them as one") 
                                                    Catch::Contains("give each log by itself"));
 }
 
-TEST_CASE("A status or a scene that is missing between two others is said") {
+TEST_CASE("A status or a scene that is missing between two others is reported") {
   for (const int dropped : {-1, 3, 4}) {
     LogGaps gaps;
     for (int i = 0; i < 10; ++i) {

@@ -199,7 +199,7 @@ TEST_CASE("A replay has the hands, the pedals and the length of the session") {
   CHECK(FindReading(judgment.readings, "target_reached") == 1);
 }
 
-TEST_CASE("Pedals of a sender that falls silent are up in a replay, as they are live") {
+TEST_CASE("Pedals of a silent sender are up in a replay, as live") {
   const SceneFile file(kJudgedTask);
   Machine machine;
   // After command 29 nothing comes: the pedal has been down since command 20.
@@ -253,7 +253,7 @@ TEST_CASE("A session of another scene and a damaged one are not gradable") {
   CHECK_THAT(JudgeFile(file).not_gradable, Catch::Contains("damaged"));
 }
 
-TEST_CASE("A scene without observers has nothing to judge") {
+TEST_CASE("A scene without observers is not judged") {
   const SceneFile file;
   RecordJudged(file, {}, "");
   const SessionJudgment judgment = JudgeFile(file);

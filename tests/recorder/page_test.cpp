@@ -96,10 +96,11 @@ TEST_CASE("The page says what the assessment found, against which limits") {
       page,
       Row("Largest force on the wall, on any 2 mm of the instrument", "80.0 mN, at 0:00.5 min") &&
           Catch::Contains("<td>100 mN</td>") && Catch::Contains("&#x2713; within the limit"));
-  CHECK_THAT(page, Row("Force above the scene's threshold of 30 mN", "3 times, 0:00.4 min in all"));
+  CHECK_THAT(page,
+             Row("Force above the scene's threshold of 30 mN", "3 times, 0:00.4 min in total"));
   CHECK_THAT(page, Row("Largest pressure of the tip's end, along the wire", "12.2 kPa"));
   CHECK_THAT(page, Row("Wrong vessels entered", "once"));
-  CHECK_THAT(page, Row("Pulled back by 2 mm or more", "2 times, 7.50 mm in all"));
+  CHECK_THAT(page, Row("Retractions of 2 mm or more", "2 times, 7.50 mm in total"));
   CHECK_THAT(page, Row("Fluoroscopy time", "0:00.3 min") && Row("Contrast agent", "1.50 mL"));
   CHECK_THAT(page, Row("Kerma-area product", "0.875 Gy cm&#xb2;"));
   CHECK_THAT(page,
@@ -147,7 +148,7 @@ TEST_CASE("An instrument that left the model stands among the figures of a scene
   CHECK_THAT(FormatPage(report, Parts()), Row(title, "2 times, 10 ticks (25.0 %)"));
 }
 
-TEST_CASE("A result that is not known is no result, and no figure of it is 0") {
+TEST_CASE("An unknown result is shown as unknown, never as 0") {
   const double unknown = std::numeric_limits<double>::quiet_NaN();
   SessionReport report = Report(true);
   const TemporaryFolder folder;
@@ -179,7 +180,7 @@ TEST_CASE("A result that is not known is no result, and no figure of it is 0") {
   CHECK(json["readings"]["wall_force_largest_ever_mN"].is_null());
 }
 
-TEST_CASE("A scene without assessment has a page, which judges nobody") {
+TEST_CASE("A scene without assessment has a page without a judgment") {
   const std::string page = FormatPage(Report(false), PageParts());
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("Not assessed") && Catch::Contains("no X-ray in this scene") &&
@@ -367,7 +368,7 @@ TEST_CASE("Limits are those of the scene, its defaults included") {
   CHECK_FALSE(none.force_limit_mN);
 }
 
-TEST_CASE("torquer-report writes the page and the summary, and refuses what cannot be one") {
+TEST_CASE("torquer-report writes the page and the summary, and refuses invalid paths") {
   const TemporaryFolder folder;
   calibration::Calibration calibration = calibration::NominalCalibration("made-up", 1200);
   calibration.motion.per_count = {{{kMmPerCount, 0.0}, {0.0, kRadPerCount}}};
@@ -390,7 +391,7 @@ TEST_CASE("torquer-report writes the page and the summary, and refuses what cann
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"session\"") &&
                        Catch::Contains("The scene file has changed") &&
-                       Catch::Contains("old.session.json: is no summary of a session"));
+                       Catch::Contains("old.session.json: is not a summary of a session"));
   const SessionSummary summary = ReadSummary(folder.Path("report.session.json"));
   CHECK(summary.scene == "made_up");
   CHECK(summary.target_s == 0.7);

@@ -64,9 +64,7 @@ TEST_CASE("A session passes if it has every pass mark, a value at the limit incl
   CHECK(Compared(path, MarkedReport(90, 20, 1)).Passed() == false);
 }
 
-TEST_CASE(
-    "A target that is not reached fails its marks, and what is not known neither passes nor "
-    "fails") {
+TEST_CASE("A missed target fails its marks, and an unknown value neither passes nor fails") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("marks.toml");
   WriteMarks(path, kMarksOfTrainer);

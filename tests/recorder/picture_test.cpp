@@ -49,7 +49,7 @@ TEST_CASE("The patient's left is on the right, the head is up, the back is far")
   CHECK(seen == Eigen::Vector3d(1, 3, 2));
 }
 
-TEST_CASE("Near and far wall are distinguished, whatever the winding") {
+TEST_CASE("Near and far wall are distinguished for any winding") {
   PictureVessel cube = Cube();
   const bool reversed = GENERATE(false, true);
   if (reversed) {

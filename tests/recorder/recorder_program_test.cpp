@@ -68,7 +68,7 @@ struct Session {
 
 }  // namespace
 
-TEST_CASE("The recorder misses nothing while it stands still, and nothing at the end") {
+TEST_CASE("The recorder loses no message while it is stopped, and none at the end") {
   NeedPrivateNetwork();
   Session session;
   // 100 messages exceed the queue of LCM's own recorder.
@@ -104,7 +104,7 @@ TEST_CASE("The recording before a kill is a valid log") {
   CHECK_FALSE(recorded.summary.damage.any());
 }
 
-TEST_CASE("The recorder thins shapes, ends with one, and goes on in parts") {
+TEST_CASE("The recorder thins shapes, ends with one, and writes several parts") {
   NeedPrivateNetwork();
   Session session({"--shapes", "5", "--part-mb", "0.1", "--keep", "3"});
   torquer_lcm::wire_state_t state{};

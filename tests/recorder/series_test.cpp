@@ -46,7 +46,7 @@ TEST_CASE("A series keeps every peak of a session of any length") {
                        [](auto& a, auto& b) { return a.time_s < b.time_s; }));
 }
 
-TEST_CASE("A series takes any numbers, and leaves out what is none") {
+TEST_CASE("A series takes any numbers, and omits NaN") {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Series series;

@@ -123,7 +123,7 @@ TEST_CASE("A fault of one instrument spoils the session and is reported of that 
         Approx(faults.extra_catheter_mm / kMmPerCount).margin(1e-3));
 }
 
-TEST_CASE("An instrument that nothing drives is named and not judged") {
+TEST_CASE("An instrument without a hand is named and not judged") {
   SessionFaults faults;
   faults.catheter = true;
   faults.catheter_box = false;
@@ -135,7 +135,7 @@ TEST_CASE("An instrument that nothing drives is named and not judged") {
              Catch::Contains("  catheter, driven by no device; 0 commands\n"));
 }
 
-TEST_CASE("A session that a page has steered is reported, one that nobody has steered is refused") {
+TEST_CASE("A session steered by a page is reported, one without a hand is refused") {
   const TemporaryFolder folder;
   const std::string log = folder.Path("log");
   WriteSession(log, {});
@@ -235,7 +235,7 @@ TEST_CASE("A wire that goes elsewhere than the hand is reported in counts") {
   CHECK(Report(faults).Good());
 }
 
-TEST_CASE("Motion that was made up for at the end switch is no error, and is said") {
+TEST_CASE("Motion that was corrected at the end switch is reported, and is not an error") {
   SessionFaults faults;
   faults.extra_wire_mm = -1.5;
   CHECK_FALSE(Report(faults).Good());
@@ -278,7 +278,7 @@ TEST_CASE("Motion while the daemon doubts the surface is held") {
   CHECK(Report(faults).Good());
 }
 
-TEST_CASE("A reset of the device is no motion") {
+TEST_CASE("A reset of the device does not count as motion") {
   SessionFaults faults;
   faults.reset = true;
   CHECK(Wire(faults).axial.sensor_counts == kSensorCounts - 2);
@@ -363,7 +363,7 @@ TEST_CASE("A log that is cut anywhere accuses neither the device nor the instrum
   CHECK(Wire(faults).reports_lost == 5);
 }
 
-TEST_CASE("A session that is stopped while the hand moves is judged by what was shown") {
+TEST_CASE("A session that is stopped while the hand moves is judged by the shown states") {
   SessionFaults faults;
   faults.ended = false;
   CHECK(Wire(faults).axial.error_counts < 0.01);

@@ -39,7 +39,7 @@ std::vector<std::int64_t> Starts(const EarlierSessions& earlier) {
 
 }  // namespace
 
-TEST_CASE("A summary is read as it was written") {
+TEST_CASE("A written summary is read unchanged") {
   const TemporaryFolder folder;
   const SessionSummary summary = Made(1'700'000'000'000'000);
   WriteFile(folder.Path("a.session.json"), FormatSummary(summary));
@@ -49,7 +49,7 @@ TEST_CASE("A summary is read as it was written") {
   CHECK(SummaryPath("report.html") == "report.session.json");
 }
 
-TEST_CASE("A damaged summary is refused with what is wrong") {
+TEST_CASE("A damaged summary is refused with the reason") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("a.session.json");
   const auto refuses = [&](const std::string& text, const std::string& what) {
@@ -67,10 +67,10 @@ TEST_CASE("A damaged summary is refused with what is wrong") {
   refuses(FormatSummary(Made(5)).substr(0, 60), "no JSON object");
   refuses("{}", "session_summary is missing");
   refuses(with("session_summary", 3), "another version");
-  refuses(with("scene", 3), "scene is no text");
-  refuses(with("started_us", -1), "started_us is no count");
+  refuses(with("scene", 3), "scene is not a text");
+  refuses(with("started_us", -1), "started_us is not a count");
   refuses(with("procedure_s", nullptr), "procedure_s is missing");
-  refuses(with("procedure_s", "1"), "procedure_s is no number");
+  refuses(with("procedure_s", "1"), "procedure_s is not a number");
   refuses(with("wall_force_mN", -2), "wall_force_mN is out of range");
   refuses(with("tip_path_mm", 1e200), "tip_path_mm is out of range");
   refuses(with("safe", 1), "safe is neither true nor false");

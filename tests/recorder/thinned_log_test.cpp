@@ -91,7 +91,7 @@ torquer_lcm::wire_state_t Taken(ShapeThinner& thinner, const torquer_lcm::wire_s
 
 }  // namespace
 
-TEST_CASE("A thinned log is judged as the whole one, and says how many shapes it has") {
+TEST_CASE("A thinned log is judged like the whole one, and reports its number of shapes") {
   const TemporaryFolder folder;
   SessionFaults faults;
   faults.catheter = true;
@@ -193,7 +193,7 @@ TEST_CASE("Between shapes a state keeps its ends, and its past where that is nee
   CHECK(thinner.Take(broken, 100'004).data() == broken.data());
 }
 
-TEST_CASE("A log goes on in parts, and keeps the newest") {
+TEST_CASE("A log continues in parts, and keeps the newest") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("log");
   const std::vector<std::uint8_t> data(1000, 7);
@@ -218,7 +218,7 @@ TEST_CASE("A log goes on in parts, and keeps the newest") {
   CHECK(numbers.size() == (keep == 0 ? 45 : 15));
 }
 
-TEST_CASE("A log is not begun where parts of another would be taken for its own") {
+TEST_CASE("A log does not start beside parts of another log with its name") {
   const TemporaryFolder folder;
   std::ofstream(folder.Path("log.part007")) << "another's";
   CHECK_THROWS_WITH(RotatingLog(folder.Path("log"), 0, 0),

@@ -23,9 +23,9 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kNow = 1'000'000;
 
 // Stand-ins for the real programs, which record the order of their calls.
-class Stage {
+class FakePrograms {
  public:
-  Stage() {
+  FakePrograms() {
     Write("torquer-recorder", Waits("recorder", "touch $1\n"));
     Write("torquer-simulator", Waits("simulator"));
     Write("torquer-report", "echo '<h1>done</h1>' >$3; echo report >>" + order_);
@@ -80,11 +80,11 @@ bool Reaches(CaseStation& station, Phase phase, bool sees_states = true) {
 }
 
 // Waits until a program handles signals.
-bool Listens(const Stage& stage, const std::string& program) {
-  for (int i = 0; i < 5000 && stage.Read(program + ".pid").empty(); ++i) {
+bool Listens(const FakePrograms& fakes, const std::string& program) {
+  for (int i = 0; i < 5000 && fakes.Read(program + ".pid").empty(); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  return !stage.Read(program + ".pid").empty();
+  return !fakes.Read(program + ".pid").empty();
 }
 
 nlohmann::json Said(const CaseStation& station) { return nlohmann::json::parse(station.Text()); }
@@ -92,8 +92,8 @@ nlohmann::json Said(const CaseStation& station) { return nlohmann::json::parse(s
 }  // namespace
 
 TEST_CASE("A case runs from its choice to its report, its programs one after the other") {
-  const Stage stage;
-  CaseStation station = stage.Station();
+  const FakePrograms fakes;
+  CaseStation station = fakes.Station();
   CHECK(Said(station)["phase"] == "choose");
   CHECK(Said(station)["chosen"] == -1);
   CHECK(Said(station)["cases"][0]["title"] == "An \"easy\" case");
@@ -107,21 +107,21 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   CHECK_FALSE(station.Start(0, kNow));
   CHECK_FALSE(station.Close());
   REQUIRE(Reaches(station, Phase::kRunning));
-  CHECK(stage.Order().empty());
+  CHECK(fakes.Order().empty());
   CHECK(station.report() == nullptr);
 
-  REQUIRE(Listens(stage, "simulator"));
+  REQUIRE(Listens(fakes, "simulator"));
   REQUIRE(station.End(kNow));
   CHECK_FALSE(station.End(kNow));
   REQUIRE(Reaches(station, Phase::kEnded));
-  CHECK(stage.Order() == "simulator\nrecorder\nreport\n");
+  CHECK(fakes.Order() == "simulator\nrecorder\nreport\n");
   REQUIRE(station.report() != nullptr);
   CHECK(*station.report() == "<h1>done</h1>\n");
   CHECK(Said(station)["problem"] == "");
   CHECK(Said(station)["report"] == true);
   const std::string folder = Said(station)["folder"];
   CHECK(fs::exists(folder + "/session.lcmlog"));
-  CHECK(folder.starts_with(stage.Path("sessions/hard/2")));
+  CHECK(folder.starts_with(fakes.Path("sessions/hard/2")));
 
   REQUIRE(station.Close());
   CHECK(station.phase() == Phase::kChoose);
@@ -133,11 +133,11 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
 }
 
 TEST_CASE("An examination is noted by the programs that write its record and its report") {
-  const Stage stage;
-  stage.Write("torquer-simulator",
-              stage.Waits("simulator", "echo \"$@\" >" + stage.Path("simulator.words") + "\n"));
-  stage.Write("torquer-report", "echo \"$@\" >" + stage.Path("report.words") + "\necho done >$3");
-  CaseStation station = stage.Station();
+  const FakePrograms fakes;
+  fakes.Write("torquer-simulator",
+              fakes.Waits("simulator", "echo \"$@\" >" + fakes.Path("simulator.words") + "\n"));
+  fakes.Write("torquer-report", "echo \"$@\" >" + fakes.Path("report.words") + "\necho done >$3");
+  CaseStation station = fakes.Station();
   // The easy case has no X-ray, so it cannot be an examination.
   CHECK_FALSE(station.Start(0, kNow, true));
   CHECK(station.phase() == Phase::kChoose);
@@ -146,22 +146,22 @@ TEST_CASE("An examination is noted by the programs that write its record and its
     REQUIRE(station.Start(1, kNow, examination));
     CHECK(Said(station)["examination"] == examination);
     REQUIRE(Reaches(station, Phase::kRunning));
-    REQUIRE(Listens(stage, "simulator"));
+    REQUIRE(Listens(fakes, "simulator"));
     REQUIRE(station.End(kNow));
     REQUIRE(Reaches(station, Phase::kEnded));
     for (const char* words : {"simulator.words", "report.words"}) {
       INFO(words);
-      const bool noted = stage.Read(words).find("--examination") != std::string::npos;
+      const bool noted = fakes.Read(words).find("--examination") != std::string::npos;
       CHECK(noted == examination);
     }
-    fs::remove(stage.Path("simulator.pid"));
+    fs::remove(fakes.Path("simulator.pid"));
   }
 }
 
 TEST_CASE("States count only once the case's own simulator runs") {
-  const Stage stage;
-  stage.Write("torquer-recorder", stage.Waits("recorder"));  // no log yet, so no simulator
-  CaseStation station = stage.Station();
+  const FakePrograms fakes;
+  fakes.Write("torquer-recorder", fakes.Waits("recorder"));  // no log yet, so no simulator
+  CaseStation station = fakes.Station();
   REQUIRE(station.Start(0, kNow));
   for (int i = 0; i < 20; ++i) {
     station.Advance(kNow);
@@ -169,18 +169,18 @@ TEST_CASE("States count only once the case's own simulator runs") {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   CHECK(station.phase() == Phase::kStarting);
-  REQUIRE(Listens(stage, "recorder"));
+  REQUIRE(Listens(fakes, "recorder"));
   REQUIRE(station.End(kNow));
   CHECK(Reaches(station, Phase::kEnded));
-  CHECK(stage.Order() == "recorder\n");  // without a log there is no report
+  CHECK(fakes.Order() == "recorder\n");  // without a log there is no report
 }
 
 TEST_CASE("A failure of a case is reported, and another case can be started") {
-  const Stage stage;
-  CaseStation station = stage.Station();
+  const FakePrograms fakes;
+  CaseStation station = fakes.Station();
   SECTION("no such case") { CHECK_FALSE(station.Start(2, kNow)); }
   SECTION("its simulator ends") {
-    stage.Write("torquer-simulator", "echo first; echo the scene is broken >&2; exit 2");
+    fakes.Write("torquer-simulator", "echo first; echo the scene is broken >&2; exit 2");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kEnded, false));
     CHECK(Said(station)["problem"] ==
@@ -188,13 +188,13 @@ TEST_CASE("A failure of a case is reported, and another case can be started") {
     CHECK(station.report() != nullptr);  // covers the recording up to the end
   }
   SECTION("its simulator is killed") {
-    stage.Write("torquer-simulator", "kill -KILL $$");
+    fakes.Write("torquer-simulator", "kill -KILL $$");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kEnded, false));
     CHECK(Said(station)["problem"] == "torquer-simulator has ended too early, killed by signal 9");
   }
   SECTION("its recorder ends") {
-    stage.Write("torquer-recorder", "echo the disk is full; exit 2");
+    fakes.Write("torquer-recorder", "echo the disk is full; exit 2");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kEnded, false));
     CHECK(Said(station)["problem"] ==
@@ -202,7 +202,7 @@ TEST_CASE("A failure of a case is reported, and another case can be started") {
     CHECK(station.report() == nullptr);
   }
   SECTION("there is no report") {
-    stage.Write("torquer-report", "echo nothing to judge; exit 2");
+    fakes.Write("torquer-report", "echo nothing to judge; exit 2");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kRunning));
     REQUIRE(station.End(kNow));
@@ -212,37 +212,37 @@ TEST_CASE("A failure of a case is reported, and another case can be started") {
     CHECK(station.report() == nullptr);
   }
   SECTION("a program is missing") {
-    fs::remove(stage.Path("torquer-recorder"));
+    fs::remove(fakes.Path("torquer-recorder"));
     REQUIRE(station.Start(0, kNow));
     CHECK(station.phase() == Phase::kEnded);
     CHECK(Said(station)["problem"].get<std::string>().find("torquer-recorder: cannot be started") !=
           std::string::npos);
   }
   SECTION("its simulator does not end when it is asked") {
-    stage.Write("torquer-simulator", "trap '' TERM; echo $$ >" + stage.Path("simulator.pid") +
+    fakes.Write("torquer-simulator", "trap '' TERM; echo $$ >" + fakes.Path("simulator.pid") +
                                          "; while :; do sleep 0.01; done");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kRunning));
-    REQUIRE(Listens(stage, "simulator"));
+    REQUIRE(Listens(fakes, "simulator"));
     REQUIRE(station.End(kNow));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     station.Advance(kNow + 9'000'000);
     CHECK(station.phase() == Phase::kEnding);
     station.Advance(kNow + 11'000'000);
     CHECK(Reaches(station, Phase::kEnded));
-    CHECK(stage.Order() == "recorder\nreport\n");
+    CHECK(fakes.Order() == "recorder\nreport\n");
   }
-  stage.Write("torquer-recorder", stage.Waits("x", "touch $1\n"));
-  stage.Write("torquer-simulator", stage.Waits("x"));
-  stage.Write("torquer-report", "exit 2");
+  fakes.Write("torquer-recorder", fakes.Waits("x", "touch $1\n"));
+  fakes.Write("torquer-simulator", fakes.Waits("x"));
+  fakes.Write("torquer-report", "exit 2");
   REQUIRE(station.Start(1, kNow));
   CHECK(Reaches(station, Phase::kRunning));
   CHECK(Said(station)["problem"] == "");
 }
 
-TEST_CASE("Nobody fills a disk by leaving a case open") {
-  Stage stage;
-  CaseStation station = stage.Station();
+TEST_CASE("An open case does not fill the disk") {
+  FakePrograms fakes;
+  CaseStation station = fakes.Station();
   const auto says_why = [&station] {
     return Said(station)["problem"].get<std::string>().find(
                "sessions: 2.0 GB are free there, and a session needs 2; remove old sessions") !=
@@ -250,8 +250,8 @@ TEST_CASE("Nobody fills a disk by leaving a case open") {
   };
   REQUIRE(station.Start(0, kNow));
   REQUIRE(Reaches(station, Phase::kRunning));
-  REQUIRE(Listens(stage, "simulator"));
-  stage.free_bytes -= 1;
+  REQUIRE(Listens(fakes, "simulator"));
+  fakes.free_bytes -= 1;
   station.Advance(kNow + 1'000'000);
   CHECK(station.phase() == Phase::kRunning);  // the last check was a moment ago
   station.Advance(kNow + 3'000'000);
@@ -263,14 +263,14 @@ TEST_CASE("Nobody fills a disk by leaving a case open") {
   CHECK(station.phase() == Phase::kEnded);
   CHECK(says_why());
   CHECK(station.runs() == 2);
-  stage.free_bytes += 1;
+  fakes.free_bytes += 1;
   CHECK(station.Start(0, kNow));
   CHECK(station.phase() == Phase::kStarting);
 }
 
 TEST_CASE("No case starts beside a stranger's simulator") {
-  const Stage stage;
-  CaseStation station = stage.Station();
+  const FakePrograms fakes;
+  CaseStation station = fakes.Station();
   station.SawState(kNow);
   REQUIRE(station.Start(0, kNow + 200'000));
   CHECK(station.phase() == Phase::kEnded);
@@ -283,14 +283,14 @@ TEST_CASE("No case starts beside a stranger's simulator") {
 }
 
 TEST_CASE("A station that ends takes its programs with it, and writes the report") {
-  const Stage stage;
+  const FakePrograms fakes;
   {
-    CaseStation station = stage.Station();
+    CaseStation station = fakes.Station();
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kRunning));
-    REQUIRE(Listens(stage, "simulator"));
+    REQUIRE(Listens(fakes, "simulator"));
   }
-  CHECK(stage.Order() == "simulator\nrecorder\nreport\n");
+  CHECK(fakes.Order() == "simulator\nrecorder\nreport\n");
 }
 
 TEST_CASE("Cases are a folder's scenes with a section [case], the easiest first") {

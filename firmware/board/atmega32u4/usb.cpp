@@ -1,5 +1,5 @@
-// The USB device controller of the ATmega32U4. The interrupts only note what happened; endpoint 0
-// is served from the main loop.
+// The USB device controller of the ATmega32U4. The interrupts only record events; the main loop
+// serves endpoint 0.
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/pgmspace.h>
@@ -33,7 +33,7 @@ uint8_t last_control_byte;  // taken from a data packet
 // start-of-frame after it, and the chip reports no second idle time. Then the bus counts as
 // suspended after a time without frames that is longer than a host's reset.
 volatile bool bus_idle;
-bool suspension_told;  // last result of BusSuspended()
+bool suspension_reported;  // last result of BusSuspended()
 #if F_CPU == 16000000UL
 constexpr uint8_t kFramelessOverflows = 4;  // 98 .. 131 ms
 #else
@@ -83,12 +83,12 @@ void SetUpUsb() {
 }
 
 bool BusSuspended() {
-  suspension_told = BusIsIdle();
-  return suspension_told;
+  suspension_reported = BusIsIdle();
+  return suspension_reported;
 }
 
 bool StopUsbForSuspend() {
-  if (!suspension_told || !BusIsIdle()) return false;
+  if (!suspension_reported || !BusIsIdle()) return false;
   if (USBCON & _BV(FRZCLK)) return true;
   // An old wake-up flag would end the sleep at once; an active bus sets it again.
   UDINT = static_cast<uint8_t>(~_BV(WAKEUPI));
@@ -163,7 +163,7 @@ void HoldControl() {
 }
 
 bool EventPending() {
-  return frame_started || bus_was_reset || control_event || BusIsIdle() != suspension_told;
+  return frame_started || bus_was_reset || control_event || BusIsIdle() != suspension_reported;
 }
 
 bool TakeFrameStart(uint32_t* start_us) {
@@ -212,7 +212,7 @@ bool CanSendControl() {
   return UEINTX & _BV(TXINI);
 }
 
-// Sends nothing if a new SETUP packet has arrived, because the data belong to the previous request.
+// Does not send if a new SETUP packet has arrived, because the data are for the previous request.
 void SendControl(const uint8_t* data, uint8_t size, bool in_flash) {
   SelectEndpoint(kControlEndpoint);
   if (UEINTX & _BV(RXSTPI)) return;

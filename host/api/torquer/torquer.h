@@ -165,10 +165,10 @@ class TORQUER_API Scene {
 
  private:
   friend class Simulation;
-  struct Parts;
-  explicit Scene(std::shared_ptr<const Parts> parts);
+  struct Impl;
+  explicit Scene(std::shared_ptr<const Impl> impl);
 
-  std::shared_ptr<const Parts> parts_;
+  std::shared_ptr<const Impl> impl_;
 };
 
 /// Settings of the X-ray system. They have an effect only with [effects.fluoroscopy].
@@ -307,8 +307,8 @@ class TORQUER_API Simulation {
   /// then the nodes of the curve that reaches farthest, which may change in a step.
   const double* nodes_mm() const;
   std::size_t node_count() const;
-  /// Nodes of an instrument, from its entry point to its tip, on whichever curve it lies; number
-  /// 0 is the innermost.
+  /// Nodes of an instrument on its curve, from its entry point to its tip; number 0 is the
+  /// innermost.
   std::vector<Point> InstrumentNodesMm(std::size_t instrument) const;
   /// States of the instruments, the innermost first.
   std::vector<InstrumentState> instruments() const;
@@ -346,10 +346,10 @@ class TORQUER_API Simulation {
   const Picture& LastPicture(int plane = 0);
 
  private:
-  struct Parts;
-  Parts& parts() const;
+  struct Impl;
+  Impl& impl() const;
 
-  std::unique_ptr<Parts> parts_;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace torquer

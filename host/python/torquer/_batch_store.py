@@ -56,7 +56,7 @@ class _Folder:
             self.descriptor = os.open(path if at is None else path.name, _FOLDER_FLAGS, dir_fd=at)
         except OSError as error:
             if error.errno in (errno.ELOOP, errno.ENOTDIR):
-                raise Error(f"{path}: is no folder, or a symbolic link to one; give the folder itself, as --out") from None
+                raise Error(f"{path}: is not a folder, or a symbolic link to one; give the folder itself, as --out") from None
             raise
 
     def has(self, name: str) -> bool:

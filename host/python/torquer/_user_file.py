@@ -40,7 +40,7 @@ def open_file(path: Path) -> BinaryIO:
         raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
     except ValueError as error:
         raise Error(f"{path!r}: cannot be read ({error}); check the path") from None
-    raise Error(f"{path}: cannot be read (it is no ordinary file); check the path")
+    raise Error(f"{path}: cannot be read (it is not an ordinary file); check the path")
 
 
 def read_text(path: Path) -> str:
@@ -59,7 +59,7 @@ def read_text(path: Path) -> str:
 
 
 def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a number of JSON")
 
 
 def _inner(values: Iterable[Any]) -> Iterator[Any]:

@@ -205,7 +205,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
             rows = np.asarray(actions, float)
         except (TypeError, ValueError) as error:
-            raise Error(f"actions or ids are no array of numbers ({error})") from None
+            raise Error(f"actions or ids are not an array of numbers ({error})") from None
         if which.dtype.kind not in "iu" and len(which) > 0:
             raise Error(f"ids are {which.tolist()}; give whole numbers, 0 to {self.num_envs - 1}")
         which = which.astype(int)

@@ -176,7 +176,7 @@ class _Reader:
             try:
                 part = base64.b64decode(part, validate=True)
             except binascii.Error as error:
-                raise self.refuse(f"{name} is no base64 ({error})") from None
+                raise self.refuse(f"{name} is not base64 ({error})") from None
         if len(part) < count:
             raise self.refuse(f"{name} ends after {len(part)} of {count} bytes")
         return part[:count]

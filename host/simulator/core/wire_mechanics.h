@@ -49,7 +49,7 @@ class WireMechanics {
   QuadraticModel MakeQuadraticModel() const;
 
   /// Pairs the places of curves in lumens with the curves around them. Call it after a move, and
-  /// when a part of the motion begins. Does nothing without pairs.
+  /// when a part of the motion begins. Has no effect without pairs.
   void PairCurves(const WireState& state);
   /// Exchanges the pairs with a second set, for a trial that shall not change them.
   void ExchangePairs() { std::swap(pairs_, trial_pairs_); }

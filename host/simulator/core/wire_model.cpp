@@ -124,8 +124,8 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints,
   // Rests that cancel at the present rotations need not cancel after a turn.
   first_straight_ = 0;
   for (std::size_t k = 0; k < twisting.size(); ++k) {
-    for (const TwistingJoint::Share& share : twisting[k].of) {
-      if (!share.bend_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
+    for (const TwistingJoint::Contribution& from : twisting[k].of) {
+      if (!from.bend_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
     }
   }
   if (first_straight_ == static_cast<int>(twisting.size())) first_straight_ = max_segments_ + 1;

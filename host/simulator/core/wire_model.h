@@ -11,7 +11,7 @@
 
 namespace torquer {
 
-/// End of the sheath: the point where the wire enters the vessel and is clamped.
+/// End of the introducer sheath: the wire enters the vessel there, and is clamped.
 struct Sheath {
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
@@ -53,13 +53,13 @@ class WireModel {
   /// Instruments, each with its own twist, at a joint of their common rod. The joint rests at the
   /// sum of bend_rad, each turned with its own instrument (README (30)).
   struct TwistingJoint {
-    struct Share {
-      /// Contribution of the instrument to the rest angle of the rod, in the instrument's frame.
+    struct Contribution {
+      /// Angle that the instrument adds to the rest angle of the rod, in the instrument's frame.
       Eigen::Vector2d bend_rad = Eigen::Vector2d::Zero();
       /// GJ, > 0. Continues beyond its tip, where no torque acts.
       double torsional_rigidity_N_mm2 = 0;
     };
-    std::array<Share, kMostInstruments> of;  ///< by instrument
+    std::array<Contribution, kMostInstruments> of;  ///< by instrument
     /// Energy of two instruments of different rest shape that bend each other: constant - along
     /// cos(D) - across sin(D), mJ (README (38)). D is the angle from the normals of a to those of
     /// b. The constant is 0 only where both are straight.

@@ -37,7 +37,7 @@ class WireState : public Curve {
     }
     return farthest;
   }
-  /// That curve.
+  /// The curve that reaches farthest.
   const Curve& Farthest() const { return curve(FarthestCurve()); }
   /// Curve on which an instrument lies.
   const Curve& CurveOf(int instrument) const {

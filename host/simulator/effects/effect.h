@@ -217,11 +217,11 @@ T* FindEarlier(const EffectContext& context) {
   return nullptr;
 }
 
-/// Role *stage*: change of an instrument's sections before it is cut into segments.
+/// Role *setup*: change of an instrument's sections before it is cut into segments.
 /// `torsional_ratio`: GJ / EI of the instrument.
 using ShapeChange = void (*)(std::vector<WireSection>& sections, double torsional_ratio);
 
-/// Role *stage*: what an effect adds to the clearance of the instruments. `instruments`: the
+/// Role *setup*: change of the clearance between instruments by an effect. `instruments`: the
 /// innermost first; `wall`: the vessel's wall. Throws UserError naming file, key, value and remedy.
 using MakeRoom =
     std::function<void(const std::any& spec, const std::vector<Instrument>& instruments,
@@ -235,7 +235,7 @@ struct EffectKind {
   AnyKeys keys;
   std::string needs = {};  ///< another effect that must be named too; "" for none
   /// Makes the effect. Throws UserError naming file, key, value and remedy. Null for an effect that
-  /// is only a stage.
+  /// has only the role setup.
   std::function<std::unique_ptr<Effect>(const std::any& spec, const EffectContext& context)> make;
   ShapeChange shape = nullptr;
   MakeRoom room = nullptr;

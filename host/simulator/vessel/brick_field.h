@@ -81,8 +81,8 @@ class BrickField final : public ClearanceField {
   bool IsComplete(int level) const { return builder_.IsComplete(level); }
   /// Adopts bricks of an earlier run with the same source and options. They are not copied: `keep`
   /// keeps their memory alive. The first look-up of a brick checks its checksum, and rebuilds it on
-  /// a mismatch. Call only before the first look-up. Returns false and adopts nothing if places or
-  /// complete levels cannot belong to this field.
+  /// a mismatch. Call only before the first look-up. Returns false without effect if places or
+  /// complete levels do not fit this field.
   bool Adopt(const std::vector<StoredBrick>& bricks, const std::vector<bool>& complete_levels,
              std::shared_ptr<const void> keep) {
     return builder_.Adopt(bricks, complete_levels, std::move(keep));

@@ -142,7 +142,7 @@ CenterlinePlace CenterlineNetwork::Place(const std::string& curve, const std::st
   const size_t index = Find(curve);
   if (end == "start") return {index, 0};
   if (end == "end") return {index, curves_[index].length_mm()};
-  throw UserError("\"" + end + "\" is no end of centerline \"" + curve +
+  throw UserError("\"" + end + "\" is not an end of centerline \"" + curve +
                   "\"; give \"start\" or \"end\"");
 }
 

@@ -135,7 +135,7 @@ void CapLoops(TriangleMesh& mesh, const std::string& name, double largest_hole_s
       throw UserError(
           name + ": a hole with a rim of " + std::to_string(loop.size()) + " edges, " +
           Number(rim.length_mm) + " mm long, at " + Place(rim.center_mm) +
-          " is no end of a vessel (neither flat nor round: " + Number(rim.off_plane_mm) +
+          " is not an end of a vessel (neither flat nor round: " + Number(rim.off_plane_mm) +
           " mm off a plane, " + Number(rim.roundness) +
           " times the squared perimeter of a circle of equal area) and too large to be closed (" +
           Number(rim.fan_mm2) + " mm^2; at most " + Number(largest_mm2) +

@@ -89,7 +89,7 @@ def read_series(folder: pathlib.Path, number: Optional[int]) -> Scan:
     files = _chosen(folder, number)
     _refuse_kinds(files)
     if len(files) < 3:
-        raise Error(f"{folder}: the series has {len(files)} slices, which is no volume; give the whole series")
+        raise Error(f"{folder}: the series has {len(files)} slices, which is not a volume; give the whole series")
     path, first = files[0]
     turn = _value(path, first, "ImageOrientationPatient", 6)
     along = np.cross(turn[:3], turn[3:])

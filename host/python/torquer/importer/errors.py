@@ -144,7 +144,7 @@ def way_of(curves: List[Curve], entry: case.Entry) -> float:
 
 
 def branches_found(true: List[Curve], found: List[Curve]) -> Tuple[int, int]:
-    """Number of true branches that were found, and of found ones that are none."""
+    """Number of true branches that were found, and of false branches."""
 
     def covered(one: Curve, others: List[Curve]) -> bool:
         tree = need("scipy.spatial").cKDTree(np.vstack([curve.points for curve in others]))

@@ -101,7 +101,7 @@ def checked(scan: Scan) -> Scan:
     """The scan, after checks of its size, spacing and axes."""
     shape, spacing = scan.values.shape, scan.spacing_mm
     if len(shape) != 3 or min(shape) < 3:
-        raise Error(f"{scan.path}: has {' x '.join(map(str, shape[::-1]))} voxels, which is no volume; give a volume")
+        raise Error(f"{scan.path}: has {' x '.join(map(str, shape[::-1]))} voxels, which is not a volume; give a volume")
     if scan.values.size > MOST_VOXELS:
         raise Error(f"{scan.path}: has {scan.values.size} voxels, more than {MOST_VOXELS}; crop it in 3D Slicer")
     if not np.isfinite(scan.affine).all() or abs(np.linalg.det(scan.affine[:3, :3])) < 1e-9:

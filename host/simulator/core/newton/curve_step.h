@@ -7,7 +7,7 @@
 
 namespace torquer {
 
-/// Step of a curve in the tangent planes of its segments, with what follows from it.
+/// Step of a curve in the tangent planes of its segments, with derived quantities.
 struct CurveStep {
   std::vector<Eigen::Vector2d> xi;               ///< by segment, rad
   std::vector<double> spin;                      ///< by segment and spin of the model, rad

@@ -23,7 +23,7 @@ class FeedPrediction {
   /// The relaxation after the last feed ends with `curve`. Without this call it ends at the next
   /// feed.
   void Finish(const Curve& curve);
-  /// Feeds the curve to `to_mm` (Curve::Feed) and applies the predicted turns. Predicts nothing
+  /// Feeds the curve to `to_mm` (Curve::Feed) and applies the predicted turns. Makes no prediction
   /// if the hand turned back, if it fed more than six times as much, or beyond the limits of
   /// SegmentTurns::Repeat.
   void Feed(const WireModel& model, double to_mm, double most_mm, Curve& curve);

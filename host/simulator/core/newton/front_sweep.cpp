@@ -134,7 +134,7 @@ bool FrontSweep::Advance(const FrontOperation& operation, Front<kRows>& front) {
   return true;
 }
 
-// Adds what an operation that does not advance a curve adds.
+// Adds the terms of an operation that does not advance a curve.
 template <int kRows>
 void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quadratic,
                      Front<kRows>& front) {

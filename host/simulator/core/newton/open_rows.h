@@ -25,7 +25,7 @@ class OpenRows {
   /// `any`: false for curves that never cross, which need no memory.
   explicit OpenRows(bool any);
 
-  /// Begins a block, with rows that act on nothing.
+  /// Begins a block, with rows that have no effect yet.
   void Open(int block, std::uint64_t open);
   /// Adds a contact. `side` of the contact is the slot at row `at`, of curve `curve`; `block` is
   /// the other side.

@@ -7,8 +7,8 @@
 //                        all free of contact
 //
 // Two nodes mu and nu lie near the wall, with none near it between them. The wire between them is
-// bent to the curve of least energy, whatever its length. Then nodes past mu slide along the curve
-// until they are lambda apart again.
+// bent to the curve of least energy, which may have another length. Then nodes past mu slide along
+// the curve until they are lambda apart again.
 //
 // Equation numbers are the paper's, and so are indices: segment i ends at node i, so the paper's
 // u_i is state.tangents[i - 1].

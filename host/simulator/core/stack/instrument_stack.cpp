@@ -356,9 +356,9 @@ void InstrumentStack::CombineTwists(const Members& members, int count,
   joint = WireModel::TwistingJoint();
   for (std::size_t b = 0; b < static_cast<std::size_t>(count); ++b) {
     const Member& member = members[b];
-    WireModel::TwistingJoint::Share& share = joint.of[member.instrument];
-    share.bend_rad = integrals.bend_rad[b];
-    share.torsional_rigidity_N_mm2 = JointTorsionalRigidity(
+    WireModel::TwistingJoint::Contribution& from = joint.of[member.instrument];
+    from.bend_rad = integrals.bend_rad[b];
+    from.torsional_rigidity_N_mm2 = JointTorsionalRigidity(
         member.model->sections(), from_tip_mm - member.behind_mm, member.model->segment_mm());
     for (std::size_t a = 0; a < b; ++a) {
       const JointIntegrals::Pair& pair = integrals.pairs[a][b];

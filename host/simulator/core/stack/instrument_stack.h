@@ -107,8 +107,8 @@ class InstrumentStack {
   /// the motion stops when it reaches the leader. The last step ends at `goal` exactly.
   InstrumentPoses Towards(const InstrumentPoses& goal, const InstrumentPoses& here, double feed_mm,
                           double turn_rad) const;
-  /// Sets the rods to the combined instruments at `poses`. O(segments), no heap; does nothing for
-  /// a lone wire.
+  /// Sets the rods to the combined instruments at `poses`. O(segments), no heap; no effect for a
+  /// lone wire.
   void Combine(const InstrumentPoses& poses);
   /// Energy of the instruments of a curve that bend each other, at the poses of the last Combine,
   /// mJ. It acts on no shape, so the rod does not have it. 0 if they twist: then their spins have

@@ -10,7 +10,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-using Share = WireModel::TwistingJoint::Share;
+using Contribution = WireModel::TwistingJoint::Contribution;
 
 Vector2d QuarterTurn(const Vector2d& a) { return {-a[1], a[0]}; }
 
@@ -34,7 +34,7 @@ struct Rests {
   }
 
   // Instrument number k of the rod.
-  const Share& Of(int k) const { return twisting.of[static_cast<std::size_t>(first + k)]; }
+  const Contribution& Of(int k) const { return twisting.of[static_cast<std::size_t>(first + k)]; }
   bool Curved(int k) const { return !Of(k).bend_rad.isZero(0); }
 
   const WireModel::TwistingJoint& twisting;

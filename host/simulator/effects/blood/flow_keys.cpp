@@ -205,7 +205,7 @@ std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, 
     }
     if (!graph.nodes()[static_cast<std::size_t>(end.node)].is_end() || end.node == inlet) {
       outlet.origin.Refuse("centerline",
-                           "its " + side + " is no outlet: it is " +
+                           "its " + side + " is not an outlet: it is " +
                                (end.node == inlet ? "the inlet" : "joined to other curves") +
                                "; name a free end");
     }

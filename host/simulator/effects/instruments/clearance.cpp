@@ -85,7 +85,7 @@ void GiveRoom(const ClearanceSpec& spec, const std::vector<Instrument>& instrume
 EffectKind ClearanceKind() {
   return {.name = "clearance",
           .summary = "radial clearance of instruments in lumens: curves in contact",
-          .roles = "stage, observer",
+          .roles = "setup, observer",
           .keys = Any(ClearanceKeys()),
           .make = MakeWith(MakeClearance),
           .room = [](const std::any& spec, const std::vector<Instrument>& instruments,

@@ -37,7 +37,7 @@ EffectKind SelfContactKind() {
   return {
       .name = "self_contact",
       .summary = "contact of each instrument with itself: loops and coils hold their turns apart",
-      .roles = "stage, observer",
+      .roles = "setup, observer",
       .keys = Any(SelfContactKeys()),
       .make = MakeWith(MakeSelfContact),
       .room = [](const std::any& /*spec*/, const std::vector<Instrument>& /*instruments*/,

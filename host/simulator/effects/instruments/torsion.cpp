@@ -22,7 +22,7 @@ void Twist(std::vector<WireSection>& sections, double torsional_ratio) {
 EffectKind TorsionKind() {
   return {.name = "torsion",
           .summary = "torsion of the instruments: the tip may lag behind the hand and whip",
-          .roles = "stage",
+          .roles = "setup",
           .keys = Any(TorsionKeys()),
           .make = nullptr,
           .shape = Twist};

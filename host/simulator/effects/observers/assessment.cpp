@@ -132,7 +132,7 @@ double Assessment::OutsideRouteMm(const Eigen::Vector3d& point) const {
 }
 
 // True if the vessel of the tip runs outside the route's lumen for kDeepMm on both sides of the
-// tip. The vessel of the target beyond the target is no branch.
+// tip. The vessel of the target beyond the target is not a branch.
 bool Assessment::IsDeepInBranch(const Eigen::Vector3d& tip) const {
   constexpr double kStepMm = 0.5;
   const vessel::CenterlinePlace place = task_.vessels.NearestTo(tip);

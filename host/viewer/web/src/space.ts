@@ -49,7 +49,7 @@ export class Space {
   private readonly cut = new THREE.Plane();
   private lines: Lines | null = null;
   private motion = new VesselMotion([]);
-  private moving: Moving[] = []; // what goes with the vessel
+  private moving: Moving[] = []; // drawn points that move with the vessel
   private pulses: number[] = []; // at which it was drawn
   private inside = false;
   private cutting = false;

@@ -1,4 +1,4 @@
-#include "host/bus/simulators_heard.h"
+#include "host/bus/active_simulators.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 
 namespace torquer::bus {
 
-void SimulatorsHeard::State(const Sender& sender, std::int64_t now_us) {
+void ActiveSimulators::State(const Sender& sender, std::int64_t now_us) {
   if (publishers_.size() >= kMost && !publishers_.contains(sender)) {
     publishers_.erase(std::min_element(
         publishers_.begin(), publishers_.end(),
@@ -17,12 +17,12 @@ void SimulatorsHeard::State(const Sender& sender, std::int64_t now_us) {
   publishers_[sender].heard_us = now_us;
 }
 
-void SimulatorsHeard::Scene(const Sender& sender, const std::string& name) {
+void ActiveSimulators::Scene(const Sender& sender, const std::string& name) {
   const auto found = publishers_.find(sender);
   if (found != publishers_.end()) found->second.scene = Printable(name, 40);
 }
 
-std::string SimulatorsHeard::Conflict(std::int64_t now_us) const {
+std::string ActiveSimulators::Conflict(std::int64_t now_us) const {
   std::string names;
   int present = 0;
   for (const auto& [sender, publisher] : publishers_) {

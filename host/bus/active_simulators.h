@@ -11,7 +11,7 @@ namespace torquer::bus {
 
 /// Remembers the simulators that publish. `now_us` is the time of the call by MonotonicUs() and
 /// must not decrease.
-class SimulatorsHeard {
+class ActiveSimulators {
  public:
   /// Age in us after which a simulator no longer counts. Simulators publish at least five states a
   /// second.

@@ -29,12 +29,12 @@ namespace torquer {
 
 inline Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
 
-struct Scene::Parts {
+struct Scene::Impl {
   /// `base`: a scene whose vessel this one may share; null: none.
-  explicit Parts(scene::SceneSpec spec, const scene::Scene* base = nullptr);
-  ~Parts();
-  Parts(const Parts&) = delete;
-  Parts& operator=(const Parts&) = delete;
+  explicit Impl(scene::SceneSpec spec, const scene::Scene* base = nullptr);
+  ~Impl();
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
 
   /// Returns a scene for one simulation only, because effects have state. It is this scene, or a
   /// twin if another simulation uses this one. These parts must outlive it.
@@ -46,9 +46,9 @@ struct Scene::Parts {
   std::vector<InstrumentInfo> instruments;
 };
 
-struct Simulation::Parts {
-  explicit Parts(const Scene& of);
-  Parts(const Parts& other);
+struct Simulation::Impl {
+  explicit Impl(const Scene& of);
+  Impl(const Impl& other);
 
   Scene scene;
   std::shared_ptr<scene::Scene> lent;
