@@ -56,7 +56,7 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   std::call_once(log_silenced, [] { avr_global_logger_set(&DiscardLog); });
 
   avr_ = avr_make_mcu_by_name("atmega32u4");
-  if (!avr_) throw std::runtime_error("libsimavr knows no atmega32u4");
+  if (!avr_) throw std::runtime_error("libsimavr does not support the atmega32u4");
   avr_init(avr_);
   avr_->custom.data = hooks_.get();
   avr_->log = LOG_NONE;

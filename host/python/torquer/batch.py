@@ -286,7 +286,7 @@ def run(
 
 def _unexpected(error: Exception) -> str:
     if type(error).__name__ == "KilledWorker":
-        return f"ended {_MOST_DEATHS + 1} workers, one after the other; see what their machine says, as of memory"
+        return f"ended {_MOST_DEATHS + 1} workers, one after the other; check the log of their machine, for example for memory"
     return f"{type(error).__name__}: {error}"
 
 
