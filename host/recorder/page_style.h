@@ -18,6 +18,7 @@ p{margin:6px 0}
 .open{border-color:#566270;background:#f3f5f7}
 .note{padding:8px 14px;border-left:6px solid #b25000;background:#fdf4ea}
 table{border-collapse:collapse;width:100%}
+.findings{margin-top:1rem}
 th,td{text-align:left;vertical-align:top;padding:5px 10px 5px 0;border-bottom:1px solid #d5dbe2}
 th{font-weight:bold}
 td.number{font-variant-numeric:tabular-nums}
