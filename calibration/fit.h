@@ -93,9 +93,9 @@ struct MotionFit {
 /// Length of the push that push_error_mm refers to: the device's travel.
 inline constexpr double kFigureStrokeMm = 150.0;
 
-/// Throws UserError for a number that is not finite or not as above, fewer than two pushes or two
-/// turns, a single raised push, or pushes and turns that change the counts in the same direction.
-/// The message names the stroke, value and remedy.
+/// Throws UserError for a number that is not finite or not as above, for fewer than two pushes or
+/// two turns, and for a single raised push. Also throws if pushes and turns change the counts in
+/// the same direction. The message names the stroke, value and remedy.
 MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common, int cpi);
 
 /// A joystick axis from readings (0 .. 1023) with the stick at rest, released several times, and

@@ -5,9 +5,9 @@
 
 namespace torquer {
 
-/// Error for input of the user, or behavior of a device, that cannot be used. what() is one or more
-/// sentences that name the file, line or field, the value, and the remedy. Programs print it and
-/// exit with kExitUserError (host/support/program.h).
+/// Error for input of the user, or behavior of a device, that cannot be used. The message of
+/// `what()` is one or more sentences that name the file, line or field, the value, and the remedy.
+/// Programs print it and exit with kExitUserError (host/support/program.h).
 class UserError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

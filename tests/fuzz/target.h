@@ -1,7 +1,8 @@
 // Fuzz target: one parser of the product, tested with arbitrary bytes.
 //
-// A target passes bytes to one parser and reports if they were accepted. fuzz-replay, in the asan
-// build, runs each target's seeds, its committed corpus and a fixed number of mutations of both.
+// A target passes bytes to one parser and reports if they were accepted. The program fuzz-replay,
+// in the asan build, runs each target's seeds, its committed corpus and a fixed number of mutations
+// of both.
 #pragma once
 
 #include <cstddef>

@@ -40,6 +40,19 @@ class Words(unittest.TestCase):
                                      f"```\n{sentence} more\n```\n\n    {sentence} more\n"), [])
         self.assertEqual(self.faults(f"{links} and more text.\n"), [1])
 
+    def test_long_sentences_of_comments(self):
+        def lines(text: str) -> list[int]:
+            return [number for number, _ in self.words.long_comments(text)]
+
+        half = " ".join(["word"] * (self.words.MOST_WORDS // 2))
+        self.assertEqual(lines(f"int a;\n// {half}\n// {half}.\n"), [])
+        for mark in ("//", "  ///", "#"):
+            self.assertEqual(lines(f"int a;\n{mark} {half}\n{mark} {half} more.\n"), [2], mark)
+        # Another sentence, another comment, a figure, a table and a line about the usage.
+        self.assertEqual(lines(f"// {half}. {half.capitalize()} more.\n"), [])
+        self.assertEqual(lines(f"// {half}\n\n// {half} more.\n"), [])
+        self.assertEqual(lines(f"//   {half} {half} more\n// a  {half} {half}\n// {half}\n// usage: {half} more\n"), [])
+
     def test_comments_and_test_names(self):
         def lines(text: str) -> list[int]:
             return [number for number, _ in self.words.source_findings(text, comments=True, names=True)]

@@ -1,5 +1,5 @@
-// Pixel test of the page: comparison with golden pictures that were looked at (golden/), and the
-// meaning of last image hold, subtraction and road map.
+// Pixel test of the page: comparison with golden pictures that were looked at (golden/). It also tests last image hold,
+// subtraction and road map.
 // usage: node tests/viewer/pictures_test.mjs ROOT PROGRAMS [--make]
 // --make writes the golden pictures again; look at each before you commit it.
 import assert from "node:assert/strict";

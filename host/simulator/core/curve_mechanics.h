@@ -44,10 +44,10 @@ struct WallSpring {
   void Press(double pressed_N, const ClearanceSample& sample);
 };
 
-/// Sums over the points of one segment of the gradient g and Hessian H: g, t g, H, t H, t^2 H. t is
-/// the distance of a point past the segment's proximal node. A load on the tangent itself adds its
-/// gradient to g1 and its Hessian to h2. f0 and f1 are like g0 and g1, but with WallSpring::force_N
-/// for the springs.
+/// Sums over the points of one segment of the gradient g and Hessian H: g, t g, H, t H, t^2 H. Here
+/// t is the distance of a point past the segment's proximal node. A load on the tangent itself adds
+/// its gradient to g1 and its Hessian to h2. f0 and f1 are like g0 and g1, but with
+/// WallSpring::force_N for the springs.
 struct LoadTerms {
   Eigen::Vector3d g0;
   Eigen::Vector3d g1;

@@ -47,8 +47,8 @@ struct SlideLoad {
   Eigen::Matrix2d hessian;   ///< N/mm, symmetric
 };
 
-/// Output of the energy terms on a curve: derivatives with respect to positions of points, to
-/// tangents of segments that bear a moment, to spins, and to slides in a lumen.
+/// Output of the energy terms on a curve. It has the derivatives with respect to positions of
+/// points, tangents of segments that bear a moment, spins, and slides in a lumen.
 struct PointDerivatives {
   bool with_hessian = false;
   /// Stored derivatives of a point.

@@ -87,9 +87,9 @@ struct PointSet {
     /// Only for a stack that twists, only if a term is a BetweenTerm. Updated when a
     /// part of the motion begins.
     std::vector<std::array<double, kMostInstruments>> pressed_N;
-    /// For a curve with another one around it, if a term has BetweenTerm::SlidesInLumen: the places
-    /// in the lumen, `per_segment` for each segment, from the sheath to the mouth or the tip.
-    /// Otherwise empty.
+    /// Places in the lumen of a curve around this one, from the sheath to the mouth or the tip,
+    /// `per_segment` for each segment. Only if a term has BetweenTerm::SlidesInLumen. Otherwise
+    /// empty.
     std::vector<LumenContact> lumen;
     /// Same for the places beside another curve of a higher number. A place that faces no segment
     /// has no force.

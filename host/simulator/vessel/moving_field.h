@@ -32,7 +32,8 @@ class MovingField final : public ClearanceField {
   /// Rest position of a point of the moved vessel, mm.
   Eigen::Vector3d AtRest(const Eigen::Vector3d& point_mm) const;
   /// Present position of a point of the vessel at rest, mm: the inverse of AtRest, within 1e-12 mm.
-  /// near_mm: first guess; one iteration from it suffices if everything around it moves alike.
+  /// The first guess is near_mm. One iteration from it suffices if everything around it moves
+  /// alike.
   Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Eigen::Vector3d& near_mm) const;
 
  private:

@@ -18,8 +18,8 @@ struct Outlet {
   double DistanceMm(const Eigen::Vector3d& point_mm) const;
 };
 
-/// Outlets of a vessel: the ends that its surface left open, otherwise its flat ends; and the free
-/// ends of its centerlines that lie at another end of the lumen, such as a round one.
+/// Outlets of a vessel: the open ends of its surface, otherwise its flat ends. Free ends of its
+/// centerlines at another end of the lumen, such as a round one, are outlets too.
 std::vector<Outlet> FindOutlets(const Vessel& vessel);
 
 }  // namespace torquer::vessel

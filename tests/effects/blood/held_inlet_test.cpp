@@ -51,8 +51,8 @@ struct Circuit {
     const double p = (held_mmHg / stem + 5 / right) / (1 / stem + 1 / left + 1 / right);
     return (held_mmHg - p) / stem;
   }
-  // Decrease of the inflow by a unit of injection at a place of the stem: the injected flow divides
-  // between the way back to the source and the way on to the outlets.
+  // Decrease of the inflow by a unit of injection at a place of the stem. The injected flow divides
+  // between the way back to the source and the way to the outlets.
   double Reduction(double at_mm) const {
     const double back = source + TubeMmHgSPerML(at_mm);
     const double on = TubeMmHgSPerML(kStemMm - at_mm) + 1 / (1 / left + 1 / right);

@@ -8,10 +8,10 @@
 
 namespace torquer {
 
-/// Damping weight of a step. mu times the local EI/(1 mm) (for spins GJ) is added to every diagonal
-/// of the Hessian (README, section 7). mu = 0 gives Newton's step; a large mu gives a short step
-/// down the gradient. The weight is proportional to the residual, which keeps the quadratic
-/// convergence. The ratio that worked is remembered from tick to tick.
+/// Damping weight of a step, mu. Every diagonal of the Hessian gets mu times the local EI/(1 mm),
+/// for spins GJ (README, section 7). A weight of 0 gives Newton's step; a large weight gives a
+/// short step down the gradient. The weight is proportional to the residual, which keeps the
+/// quadratic convergence. The ratio that worked is remembered from tick to tick.
 class Damping {
  public:
   /// Weight of the next attempt.

@@ -43,8 +43,9 @@ class StepSolver {
   /// Sets `trial` to `state` after the fraction `scale` of the step.
   void Apply(const WireState& state, const QuadraticModel& at, double scale,
              WireState& trial) const;
-  /// Largest fraction, at most 1, of the step with which curves beside each other cannot pass
-  /// through each other: no two move against each other by more than half of their distance.
+  /// Largest fraction of the step, at most 1, with which curves beside each other cannot pass
+  /// through each other. No two of them move against each other by more than half of their
+  /// distance.
   double PassingScale(const WireState& state, const QuadraticModel& at) const;
   /// Largest turn of a segment or spin by the step, rad.
   double LargestTurn() const;

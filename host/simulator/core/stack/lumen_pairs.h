@@ -13,8 +13,8 @@
 // curve, seen from outside, is in place of the lumen's wall. The outer one is that of the higher
 // number.
 //
-// Places that face each other head on, and those of a curve that comes near itself, are in pairs of
-// their own (crossing_pairs.cpp), which have no order from sheath to tip.
+// Separate pairs have the places that face each other head on, and the places of a curve that comes
+// near itself (crossing_pairs.cpp). They have no order from sheath to tip.
 //
 // The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
 // the energy of that part is smooth.
@@ -42,8 +42,8 @@ struct LumenPlace {
   double past_mm = 0;     ///< past the proximal node of the inner segment
   double foot_mm = 0;     ///< of its foot, past the proximal node of the outer segment
   double weight_mm = 0;   ///< length of the inner curve that the place stands for
-  /// Way from the axis of the inner curve to its contact point, along the normal away from the
-  /// outer axis: its radius in a lumen, minus its radius beside the outer curve.
+  /// Distance from the axis of the inner curve to its contact point, along the normal away from the
+  /// outer axis. In a lumen it is the radius, beside the outer curve minus the radius.
   double lever_mm = 0;
   double lumen_mm = 0;  ///< radius of the lumen, or of the outer curve beside the inner one
   int piece = 0;        ///< number of its piece of the inner curve, from the sheath

@@ -41,8 +41,8 @@ Line LineOf(const Curve& curve, int segment) {
   return {curve.nodes()[i], curve.tangents()[i]};
 }
 
-// Place on a piece of the inner line for contact with the outer line: the middle of the piece if
-// the lines run alongside, and the point nearest to the outer line if they cross.
+// Place on a piece of the inner line for contact with the outer line. If the lines run alongside,
+// it is the middle of the piece; if they cross, the point nearest to the outer line.
 double ContactMm(const Line& inner, const Line& outer, double middle_mm, double piece_mm) {
   constexpr double kAlongside = 0.15;  // sines of the angle
   constexpr double kCrossing = 0.45;
