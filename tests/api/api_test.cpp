@@ -246,7 +246,7 @@ TEST_CASE("A restarted simulation repeats a new one, in every shipped scene", "[
   }
 }
 
-TEST_CASE("A simulation does as one before it in the same scene, which has gone", "[api]") {
+TEST_CASE("A simulation repeats an earlier, deleted one in the same scene", "[api]") {
   for (const char* name : {"coronary", "everything", "neuro_angio"}) {
     INFO(name);
     const Scene scene = Scene::FromFile(kScenes + "/" + name + ".toml");

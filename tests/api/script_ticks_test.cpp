@@ -79,7 +79,7 @@ TEST_CASE("All but the hands is as the row has it") {
   }
 }
 
-TEST_CASE("Without a step a row is one tick, which is the row") {
+TEST_CASE("Without a step each row is one tick with the values of the row") {
   const std::vector<Row> ticks =
       TicksOf(At(3, 0, 0), At(4000, 7, 8), std::numeric_limits<double>::infinity());
   REQUIRE(ticks.size() == 1);

@@ -60,7 +60,7 @@ TEST_CASE("private_network refuses a missing command and forbidden namespaces") 
   CHECK(forbidden.output.find("--cap-add SYS_ADMIN") != std::string::npos);
 }
 
-TEST_CASE("Without a multicast route the bus says which commands make one") {
+TEST_CASE("Without a multicast route the bus names the commands that add one") {
   const ShellOutcome outcome =
       RunShell("unshare -rn ip route; unshare -rn " + torquer::test::ProgramPath("") +
                "/bus_test 'Opening the default bus' --reporter compact");

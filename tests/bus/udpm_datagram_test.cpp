@@ -134,7 +134,7 @@ TEST_CASE("Only so many messages are in the making") {
   }
 }
 
-TEST_CASE("Random fragments give messages of the size that they announce, or none") {
+TEST_CASE("Random fragments give messages of the announced size, or none") {
   std::mt19937 random(3);
   UdpmAssembly assembly;
   int messages = 0;

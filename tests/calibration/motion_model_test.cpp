@@ -12,7 +12,7 @@ using torquer::test::kTurn_rad;
 
 }  // namespace
 
-TEST_CASE("The nominal device moves an inch in as many counts as its resolution says") {
+TEST_CASE("The counts of the nominal device for an inch are its resolution") {
   const Calibration nominal = NominalCalibration("X", 800);
   CHECK(nominal.device == "X");
   CHECK(nominal.motion.cpi == 800);

@@ -124,7 +124,7 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
     run.Spoil(kBadTurn, 0.0, -1440.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadTurn), Contains("wrong direction"));
   }
-  SECTION("a push where a turn was asked for") {
+  SECTION("a push in place of a turn") {
     run.Spoil(kBadTurn, 60.0, -720.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadTurn), Contains("pushed while turning"));
   }

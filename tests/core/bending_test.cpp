@@ -60,7 +60,7 @@ TEST_CASE("Slopes and curvatures of the bending laws are derivatives") {
   }
 }
 
-TEST_CASE("Series and closed form of the exact law agree where they meet") {
+TEST_CASE("Series and closed form of the exact law agree at their border") {
   const double y = 0.06;
   const BendingValue series = EvaluateBending(BendingLaw::kExact, std::nextafter(y, 0.0));
   const BendingValue closed = EvaluateBending(BendingLaw::kExact, y);

@@ -84,7 +84,7 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   CHECK(forces.twisting_mJ[30] == Approx(torque_mJ / 2).epsilon(0.03));
 }
 
-TEST_CASE("The hand of the instrument that touches the wall feels what turns its surface") {
+TEST_CASE("The hand of the instrument at the wall feels the torque on its surface") {
   constexpr double kMu = 0.3;
   constexpr double kBore = 10;
   const double torsional_rigidity = test::kUnderSanitizer ? 10.0 : GENERATE(0.0, 10.0);

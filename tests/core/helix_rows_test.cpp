@@ -66,7 +66,7 @@ struct Screwed {
   }
 };
 
-TEST_CASE("Fed and turned at once, a wire goes the same way in one row and in many") {
+TEST_CASE("A wire fed and turned together takes the same path in one row and in many") {
   const int count = GENERATE(1, 2);
   struct Way {
     double feed_mm;

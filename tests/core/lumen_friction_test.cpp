@@ -225,8 +225,7 @@ TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of fric
         Approx(-way * PulledWire::kMu).epsilon(0.05));
 }
 
-TEST_CASE(
-    "Turned by its hand, a lumen slides by its radius and a wire by its own, in one direction") {
+TEST_CASE("Surfaces turned by hands slide by their radii, lumen and wire in one direction") {
   const InstrumentStack stack(
       {MakeWire({}), MakeWire({.radius_mm = 0.6})},
       {.has_room = {false, true}, .lumen_radius_mm = {0, 0.5}, .stiffness_N_mm2 = 1});

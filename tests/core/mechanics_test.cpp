@@ -185,7 +185,7 @@ TEST_CASE("Skipped look-ups change no bit of an expansion") {
   }
 }
 
-TEST_CASE("A joint's stiffness is EI over the length of wire it stands for") {
+TEST_CASE("A joint's stiffness is EI over the length of wire that it represents") {
   const WireModel model = MakeWire({.segment_mm = 2, .rigidity_N_mm2 = 5});
   const WireState state = LayStraight(model, 12.6);
   REQUIRE(state.first_segment_mm() == Approx(2.6));
@@ -194,9 +194,7 @@ TEST_CASE("A joint's stiffness is EI over the length of wire it stands for") {
   CHECK(JointStiffness(model, state, 2) == Approx(2.5));
 }
 
-TEST_CASE(
-    "Contact points stand for the wire, by half the pieces on either side, at even distances along "
-    "it") {
+TEST_CASE("Contact points are at even distances, each with half of the pieces on either side") {
   const WireModel model = MakeWire({.segment_mm = 2});
   const FreeSpace field;
   const WallModel wall{.stiffness_N_mm2 = 1, .points_per_segment = 4};

@@ -216,7 +216,7 @@ TEST_CASE("The report agrees with the state") {
   CHECK(converged > 300);
 }
 
-TEST_CASE("A command beyond the wire's ends goes to the end and asks for no more") {
+TEST_CASE("A command beyond the wire's ends stops at the end and is not carried") {
   Bench bench;
   const TickReport in = bench.Tick({1e5, 0}, 1000000);
   CHECK(bench.state.insertion_mm() == 90);

@@ -10,7 +10,7 @@
 namespace torquer::test {
 namespace {
 
-TEST_CASE("A surface that comes to a point of another's has not rolled there") {
+TEST_CASE("A surface that reaches a point of another surface has not rolled there") {
   TwistedStack stack(2, 11);
   effects::EffectContext context{stack.model, stack.wall};
   context.instruments.resize(2);

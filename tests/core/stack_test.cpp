@@ -149,7 +149,7 @@ TEST_CASE("The surface of each instrument moves with that instrument, for any le
   CHECK(slid({{20, 0}, {50, 0}}, 1) == Approx(0).margin(1e-12));  // the wire inside the catheter
 }
 
-TEST_CASE("A bend of the catheter comes to joints that were straight, and turns with it") {
+TEST_CASE("A bend of the catheter moves to straight joints, and turns with it") {
   Arcs both({Arc(2, 0, 0.2), Arc(50, 0.02, 0.6)});
   both.MoveTo({{60, 0}, {5, 0}});
   both.MoveTo({{60, 0.8}, {40, 0.8}});

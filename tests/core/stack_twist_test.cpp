@@ -92,7 +92,7 @@ WireModel TwistingArc(double rigidity, double curvature, double ratio,
   return Arc(rigidity, curvature, 0.2, ratio * rigidity, segment_mm);
 }
 
-TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist") {
+TEST_CASE("A stack with rising torsional stiffness approaches one without twist") {
   const InstrumentPoses poses{{60, 0.3}, {35, 1.5}, {20, -1}};
   const auto make = [](double ratio) {
     return std::vector<WireModel>{TwistingArc(2, 0.03, ratio), TwistingArc(3, 0.01, ratio),

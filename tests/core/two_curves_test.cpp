@@ -210,7 +210,7 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
   CHECK(said_mm == Approx(true_mm).epsilon(0.2));
 }
 
-TEST_CASE("Ever stiffer against twist, instruments with room come to those that do not twist") {
+TEST_CASE("Instruments with room and rising torsional stiffness approach those without twist") {
   const InstrumentPoses poses{{30, 1.2}, {22, -1}};
   LooseArcs rigid(0);
   REQUIRE(Settle(*rigid.relaxation, poses, rigid.state, 400).converged);
@@ -221,7 +221,7 @@ TEST_CASE("Ever stiffer against twist, instruments with room come to those that 
   });
 }
 
-TEST_CASE("With ever less room, instruments that twist come to those on one curve") {
+TEST_CASE("Instruments that twist approach those on one curve as their room shrinks") {
   const InstrumentPoses poses{{30, 1.2}, {22, -1}};
   FreeStack together({Arc(2, 0.04, 0.2, 1.4), Arc(3, -0.01, 0.6, 2.1)});
   together.MoveTo(poses);

@@ -270,7 +270,7 @@ TEST_CASE("Motion lost between two closings of the end switch is corrected witho
     expected_mm = 0.0;
     lost_mm = -20.0;
   }
-  SECTION("the clutch was held for some of the way: that the wire stays is wanted") {
+  SECTION("the clutch was held for a part of the way: the wire must stay") {
     hand.sample.buttons = kButtonClutch;
     hand.Step(-2000);
     hand.sample.buttons = 0;

@@ -23,7 +23,7 @@ using torquer::test::StillReport;
 
 }  // namespace
 
-TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost") {
+TEST_CASE("A kept firmware image of the sensor is loaded again after a loss") {
   Listener listener;
   std::filesystem::create_directories(listener.folder.Path("torquer"));
   const std::string kept = listener.folder.Path("torquer/SCRIPTED-1.srom");

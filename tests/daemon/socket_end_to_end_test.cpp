@@ -374,7 +374,7 @@ TEST_CASE("A bad command line is refused with the reason") {
   CHECK(Contains(ending.error, expected));
 }
 
-TEST_CASE("SIGINT and SIGTERM end a daemon in order, also one that waits") {
+TEST_CASE("SIGINT and SIGTERM end a daemon properly, also while it waits") {
   const int signal = GENERATE(SIGINT, SIGTERM);
   const bool plugged = GENERATE(true, false);
   Chain chain;

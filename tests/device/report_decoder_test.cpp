@@ -154,14 +154,14 @@ TEST_CASE("A gap longer than the sequence is measured by the clocks") {
   InputReport report = StillReport(10);
   feed.Settle(report);
   REQUIRE(feed(report));
-  SECTION("more than one round of the sequence") {
+  SECTION("more than one wrap of the sequence") {
     report = WithSequence(report, 10 + 2 * 65536 + 5);
     const std::optional<Sample> sample = feed(report, 1000LL * (2 * 65536 + 5));
     REQUIRE(sample);
     CHECK(sample->report_number == 10 + 2 * 65536 + 5);
     CHECK(feed.decoder.counters().lost == 2 * 65536 + 4);
   }
-  SECTION("more than one round of the device clock") {
+  SECTION("more than one wrap of the device clock") {
     constexpr std::int64_t kReports = 10000000;  // 2.8 hours
     report.sequence = static_cast<std::uint16_t>(report.sequence + kReports);
     report.device_time_us = static_cast<std::uint32_t>(report.device_time_us + 1000 * kReports);

@@ -45,7 +45,7 @@ std::string File(const test::TemporaryFolder& folder, const std::vector<std::uin
   return path;
 }
 
-TEST_CASE("an image goes from a file into the sensor") {
+TEST_CASE("an image is loaded from a file into the sensor") {
   const test::TemporaryFolder folder;
   Bench bench;
   bench.Start();

@@ -134,7 +134,7 @@ TEST_CASE("Among several devices the serial number chooses") {
     CHECK(refusal.find("RIGHT-2") != std::string::npos);
     CHECK(refusal.find("--device") != std::string::npos);
   }
-  SECTION("the one asked for is read, and no other takes its place") {
+  SECTION("the selected device is read, and no other one") {
     const auto daemon = chain.Start({"--device", "RIGHT-2"});
     REQUIRE(daemon->WaitForError("reading device RIGHT-2 at USB bus 1 device 6"));
     chain.Push(kAddress + 1, 10, 10);

@@ -82,7 +82,7 @@ TEST_CASE("With room a scene repeats, restarts and is copied to the bit") {
   CHECK(run(copy, kBefore + 1, kTicks) == hash);
 }
 
-TEST_CASE("With room tips are on their own curves, and readings say how they lie") {
+TEST_CASE("Tips with room are on their own curves, and readings show their positions") {
   const TemporaryFolder folder;
   scene::Scene scene(WriteRoom(folder, std::string(kRoomScene) + kWideCatheter + kRoom));
   simulator::Simulation simulation(scene);

@@ -243,7 +243,7 @@ TEST_CASE("Velocities go with the material, also out of the sheath") {
   }
 }
 
-TEST_CASE("The energy of a step has the gradient and the Hessian that it says") {
+TEST_CASE("The energy of a step agrees with its gradient and Hessian") {
   std::mt19937 random(3);
   const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = 1e-6});
   const FreeSpace field;

@@ -42,7 +42,7 @@ void Go(Simulation& simulation, const InstrumentPoses& target) {
   }
 }
 
-TEST_CASE("Friction between instruments is refused where there is one") {
+TEST_CASE("Friction between instruments is refused for a single instrument") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("alone.toml");
   std::ofstream(path) << "name = \"alone\"\n[vessel]\nkind = \"ty_phantom\"\n"

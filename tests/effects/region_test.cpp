@@ -35,7 +35,7 @@ Vector3d Random(std::mt19937& random, double size) {
   return {x, y, at(random)};
 }
 
-TEST_CASE("A region's gradient and Hessian are those of its weight, and none is steeper") {
+TEST_CASE("A region's gradient and Hessian are those of its weight, and its slope is bounded") {
   std::mt19937 random(5);
   for (const Region& region : Samples()) {
     int inside = 0;

@@ -109,7 +109,7 @@ TEST_CASE("The forces at the tip are those of the tip that presses most, beside 
   CHECK(Reading(session, "wall_force_tip_mN") == Approx(pressed_mN).epsilon(0.1));
 }
 
-TEST_CASE("The instrument that the case everything asks for is the one that is assessed") {
+TEST_CASE("The case everything assesses the instrument of its task") {
   scene::Scene scene(SourcePath("/host/scenes/everything.toml"));
   for (const auto& effect : scene.effects()) {
     const auto* assessment = dynamic_cast<const effects::Assessment*>(effect.get());

@@ -105,7 +105,7 @@ TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
 }
 
 TEST_CASE(
-    "A wire that is ever stiffer against twist goes to a limit; without twist it is near it") {
+    "A wire with rising torsional stiffness has a limit, and a wire without twist is near it") {
   // Mean distance over half a turn of the hand. The remaining difference is the holonomy torque.
   const auto travel = [](double torsional_rigidity) {
     // A torque of the residual's size is small against that of the tip, at any stiffness of the

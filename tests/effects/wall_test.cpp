@@ -95,7 +95,7 @@ TEST_CASE("A calcified part moves with the vessel under a wire at rest") {
   }
 }
 
-TEST_CASE("Stiffness goes over along an edge without a step, and later parts lie over earlier") {
+TEST_CASE("Stiffness changes along an edge without a step, and later parts replace earlier ones") {
   const WireModel model = MakeWire({});
   const WallModel wall{.stiffness_N_mm2 = 2};
   std::vector<Compliance::RegionStiffness> regions;

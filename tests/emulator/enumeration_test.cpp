@@ -31,7 +31,7 @@ TEST_CASE("the device enumerates with the descriptors of the protocol") {
   }
 }
 
-TEST_CASE("vendor and product id stand where a host looks for them") {
+TEST_CASE("vendor and product id are at their places in the descriptor") {
   Bench bench;
   REQUIRE(bench.host.RunUntilReady());
   const Bytes& descriptor = bench.host.enumeration().device_descriptor;

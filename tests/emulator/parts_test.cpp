@@ -240,7 +240,7 @@ TEST_CASE("memory is given out in rising order, to its end, and stays given over
   }
 }
 
-TEST_CASE("the cable's voltage asks for an interrupt if that was left enabled") {
+TEST_CASE("the cable's voltage requests an interrupt if it was left enabled") {
   Controller controller;
   CHECK_FALSE(controller.usb.general_interrupt());
   controller.Set(Controller::kUsbcon, 0x91);
@@ -273,7 +273,7 @@ MotionScript Script(const std::string& text) {
   return MotionScript::FromFile(path);
 }
 
-TEST_CASE("a motion file is linear between its rows and stands still outside of them") {
+TEST_CASE("a motion file is linear between its rows and constant outside of them") {
   const MotionScript script =
       Script(std::string(kHeader) + "1,10,0,0,-1,none\n3,20,4,1,0,xray+clutch\n4,20,4,1,0,\n");
   CHECK(script.At(0).insertion_mm == 10);

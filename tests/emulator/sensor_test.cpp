@@ -113,7 +113,7 @@ TEST_CASE("a reset of a sensor without an image is detected even before the next
   }
 }
 
-TEST_CASE("a sensor that takes no frames any more is found and started again until it does") {
+TEST_CASE("a frozen sensor is detected, and started again until it takes frames") {
   Bench bench;
   bench.Start();
   bench.Run(0.3);

@@ -90,7 +90,7 @@ TEST_CASE("After a signal at any time, every file is the old one or complete") {
   }
 }
 
-TEST_CASE("Every session ends in order, whenever a signal comes") {
+TEST_CASE("Every session ends properly after a signal at any time") {
   NeedPrivateNetwork();
   INFO("seed " << kSeed);
   std::mt19937 random(kSeed);

@@ -139,7 +139,7 @@ TEST_CASE("device time counts on over the wrap of the clock") {
   CHECK(last < 1000000);
 }
 
-TEST_CASE("identity says what the device is") {
+TEST_CASE("the identity report describes the device") {
   Bench bench;
   bench.Start();
   bench.FrameUntilHealthy();

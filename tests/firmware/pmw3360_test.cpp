@@ -211,7 +211,7 @@ TEST_CASE("a silent or shorted sensor is a fault at once and is started again wh
   }
 }
 
-TEST_CASE("a single bad reading is not counted and starts nothing") {
+TEST_CASE("a single bad reading is not counted and does not restart the sensor") {
   FakeSensor sensor;
   Pmw3360 driver;
   sensor.StartUp(&driver);
@@ -331,7 +331,7 @@ TEST_CASE("a byte that was spoiled on its way costs no count") {
   CHECK(driver.restarts() == 0);
 }
 
-TEST_CASE("a sensor that takes no frames any more is found by the bits that stay away") {
+TEST_CASE("a frozen sensor is detected by missing frame bits") {
   FakeSensor sensor;
   Pmw3360 driver;
   sensor.StartUp(&driver);

@@ -118,7 +118,7 @@ TEST_CASE("a program that ignores its board and its parent is killed") {
   CHECK_THAT(Failure("/dev/null", options), Contains("did not end within 1 s"));
 }
 
-TEST_CASE("an Arduino program is asked for its bootloader by 1200 baud at its port") {
+TEST_CASE("1200 baud at its port requests the bootloader of an Arduino program") {
   CaterinaResponder board;  // a pseudo-terminal
   const int tty = open(board.port().c_str(), O_RDWR | O_NOCTTY);
   REQUIRE(tty >= 0);

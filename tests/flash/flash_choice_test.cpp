@@ -189,7 +189,7 @@ TEST_CASE(
     CHECK_THROWS_WITH(boards.Flash(request, hooks),
                       Contains("Nothing was written") && Contains("twice within a second"));
   }
-  SECTION("an image for another clock is refused before anything is asked") {
+  SECTION("an image for another clock is refused before any question") {
     request.image = torquer::test::FirmwarePath("torquer-firmware-8mhz.hex");
     CHECK_THROWS_WITH(boards.Flash(request, hooks), Contains("16 MHz"));
     CHECK(log.size() == 1);

@@ -55,7 +55,7 @@ TEST_CASE("the first firmware comes onto a board that has the bootloader alone")
   }
 }
 
-TEST_CASE("running firmware is asked into the bootloader and replaced") {
+TEST_CASE("running firmware enters the bootloader on request and is replaced") {
   EmulatedBoards boards(WithApplication());
   CHECK(boards.Start() == BoardMode::kFirmware);
   const auto outcome = boards.Flash(kNewHex);

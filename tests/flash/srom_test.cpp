@@ -33,7 +33,7 @@ int Load(EmulatedBoards& boards, const std::string& path, const FlashRequest& re
   return FlashProcedure(boards, request, hooks).LoadSensorImage(path);
 }
 
-TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
+TEST_CASE("the sensor's image is loaded from a file into the sensor of the board") {
   const ImageFile file;
   EmulatedBoards boards(WithApplication());
   REQUIRE(boards.Start() == tools::BoardMode::kFirmware);  // its sensor starts in the meantime

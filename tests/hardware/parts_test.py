@@ -98,7 +98,7 @@ class Parts(unittest.TestCase):
         end = float(parts["pipe_end"].split(" x ")[2])
         self.assertEqual(middle + 2 * (end - 12), 320)  # each end sits 12 mm in the middle part
 
-    def test_the_lens_is_as_high_above_the_paper_as_the_budget_says(self):
+    def test_the_height_of_the_lens_above_the_paper_agrees_with_the_budget(self):
         """Measured on the parts in their places: the board's seat, less the lens, over the crest."""
         def heights(name: str, inside) -> list[float]:
             return [p[2] for triangle in piece(name) for p in triangle if inside(p)]

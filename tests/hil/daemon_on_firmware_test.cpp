@@ -286,7 +286,7 @@ TEST_CASE("The sensor's firmware image is in it again after a suspend, a reset a
   device.Do([](BenchDevice& bench, UsbHost&) { CHECK(bench.violation_count() == 0); });
 }
 
-TEST_CASE("Counts lost on the way are made up for when the cylinder passes the end switch") {
+TEST_CASE("Counts lost on the way are corrected when the cylinder passes the end switch") {
   Listener listener{/*with_devices=*/true};
   std::atomic<double> target_mm = 5.0;
   double place_mm = 5.0;

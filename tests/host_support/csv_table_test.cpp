@@ -63,7 +63,7 @@ TEST_CASE("A CSV table of more columns than are read is refused", "[support]") {
                     Contains("t.csv:2: the header has 1001 columns, but at most 1000 are allowed"));
 }
 
-TEST_CASE("Lines that come one by one are taken when a row is asked for", "[support]") {
+TEST_CASE("Lines that arrive one by one are read with each row", "[support]") {
   std::vector<std::string> lines = {"# note", "a, b\r", "1,2", "", "3,4"};
   std::size_t taken = 0;
   const auto next = [&]() -> std::optional<std::string> {

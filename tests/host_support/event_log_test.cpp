@@ -233,7 +233,7 @@ TEST_CASE("Numbers show missing records and records out of order", "[support]") 
              Contains("1 damaged place (") && Contains("1 record missing"));
 }
 
-TEST_CASE("A file full of false records comes to its end", "[support]") {
+TEST_CASE("A file full of false records is read to its end", "[support]") {
   // Each record claims a megabyte, after which no record follows.
   std::string log;
   const std::string header = Record(1, "C", "").substr(0, 24) + BigEndian(1 << 20, 4) + "C";

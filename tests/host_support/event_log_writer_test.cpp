@@ -97,7 +97,7 @@ TEST_CASE("A full disk leaves the whole records, and reports their number") {
   CHECK_THAT(said, Contains("it ends after record " + std::to_string(records) + ","));
 }
 
-TEST_CASE("A log takes no other file's place") {
+TEST_CASE("A log does not replace another file") {
   const TemporaryFolder folder;
   std::ofstream(folder.Path("there")) << "kept";
   CHECK_THROWS_WITH(EventLogWriter(folder.Path("there")),

@@ -76,7 +76,7 @@ TEST_CASE("Normal numbers have the moments of the normal distribution", "[suppor
         4.0 * std::sqrt(0.0455 * 0.9545 / kDraws));
 }
 
-TEST_CASE("A chance is taken as often as it says", "[support]") {
+TEST_CASE("A chance occurs with its probability", "[support]") {
   Random random(10);
   int taken = 0;
   for (int i = 0; i < 100000; ++i) taken += random.Chance(0.03);

@@ -81,7 +81,7 @@ TEST_CASE("A strict table refuses a missing key without default", "[support]") {
   CHECK_THROWS_WITH(table.Text("note"), Contains("note = '': is empty"));
 }
 
-TEST_CASE("A refused number stands in the message as people write it", "[support]") {
+TEST_CASE("A refused number is in the message as people write it", "[support]") {
   StrictTable table = StrictTable::Parse(
       "a = 0.3\nb = [0.1, 1e-3, [2.5]]\nc = []\nd = 6.35e-3\ne = -500.0\n", "s.toml");
   CHECK_THROWS_WITH(table.Number("a", 1, 2), Contains("s.toml:1: a = 0.3: is out"));

@@ -71,7 +71,7 @@ class BugKeys(Tree):
                 subprocess.run(["cp", "-r", self.root + "/.", elsewhere], check=True)
                 self.assertEqual(self.line(elsewhere), key)
 
-    def test_generated_headers_count_as_what_they_are_made_from(self):
+    def test_generated_headers_count_as_their_sources(self):
         self.write("b.h", "#include <torquer_lcm/t.hpp>\n")
         self.write("protocol/lcm/t.lcm", "struct t {}")
         before_the_build = self.line()
@@ -88,7 +88,7 @@ class BugKeys(Tree):
         self.assertEqual(other.flags, plain.flags)
         self.assertEqual(other.line(), plain.line())
 
-    def test_a_source_in_a_batch_is_one_like_others(self):
+    def test_a_source_in_a_batch_is_checked_like_others(self):
         build = os.path.join(self.root, "build/release")
         self.bugs.ROOT = self.root
         batch = "build/release/x.dir/Unity/unity_0_cxx.cxx"

@@ -107,7 +107,7 @@ double Apart(const WireState& a, const WireState& b) {
   return largest;
 }
 
-TEST_CASE("The error that a state says is its distance from the balance") {
+TEST_CASE("The reported error of a state is its distance from equilibrium") {
   const double length = GENERATE(10.0, 40.0, 250.0);
   EndForce force(Vector3d(0, 0.7 * kCantilever_N_mm2 / (length * length), 0));
   Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kCantilever_N_mm2}, length, &force);

@@ -114,7 +114,7 @@ double ApartWithRoom(double room_mm, const InstrumentPoses& poses) {
   return LargestDistance(loose.state.Farthest(), state);
 }
 
-TEST_CASE("With ever less room two curves come to the one of instruments without") {
+TEST_CASE("Two curves with shrinking room approach one curve") {
   const InstrumentPoses poses =
       GENERATE(InstrumentPoses{{50, 0.4}, {37.3, -1}}, InstrumentPoses{{31.6, 0.4}, {50, -1}});
   const double wide_mm = ApartWithRoom(0.2, poses);

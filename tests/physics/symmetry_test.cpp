@@ -155,7 +155,7 @@ TEST_CASE("Finer segments change a wire that also touches between to first order
   CHECK(motions.back() < 0.024 / (1 << (halvings - 1)));
 }
 
-TEST_CASE("Both methods meet in one minimum where the paper's can stand still") {
+TEST_CASE("Both methods reach one minimum where the paper's method can stop") {
   // Straight tip, and a wall soft enough that k lambda^3 (contacts) < 4 EI / lambda.
   const Torus field(Side::kInside, 30, 0.4);
   const WireParameters parameters{.max_length_mm = 60,

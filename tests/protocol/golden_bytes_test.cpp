@@ -103,7 +103,8 @@ TEST_CASE("a command report has these 8 bytes") {
   CHECK(BytesOf(report) == Bytes{5, 2, 0x54, 0x71, 0, 0, 0, 0});
 }
 
-TEST_CASE("a firmware image follows its report's id, and is one control transfer of 4096 at most") {
+TEST_CASE(
+    "a firmware image follows its report's id, in one control transfer of at most 4096 bytes") {
   SromReport report{};
   report.report_id = kSromReportId;
   report.image[0] = 0xaa;

@@ -153,7 +153,7 @@ def test_a_surface_is_named_as_such(tmp_path):
     assert "is a surface (NumberOfPolys is '2') and holds no lines; give its centerlines" in done.stderr
 
 
-def test_a_trunk_that_lines_share_stands_once(tmp_path):
+def test_a_shared_trunk_appears_once(tmp_path):
     # Sampled as by VMTK: points of the second line lie between those of the first.
     first = [[0, 0, 2.0 * k] for k in range(16)] + [[2.0 * k, 0, 30 + 2.0 * k] for k in range(1, 11)]
     second = [[0, 0, 0]] + [[0, 0, 2.0 * k + 1] for k in range(15)] + [[-2.0 * k, 0, 30 + 2.0 * k] for k in range(11)]

@@ -68,7 +68,7 @@ def test_the_same_seed_gives_the_same_episode(env):
     assert not np.array_equal(one[0], other[0])
 
 
-def test_reset_without_a_seed_goes_on_with_the_numbers(env):
+def test_reset_without_a_seed_continues_the_random_numbers(env):
     env.reset(seed=3)
     first, _ = env.reset()
     second, _ = env.reset()
@@ -401,7 +401,7 @@ def test_an_exception_of_a_thread_is_raised():
     assert many.recv()[4]["env_id"].tolist() == [1]
 
 
-def test_the_benchmark_says_how_fast_and_how_accurate():
+def test_the_benchmark_reports_speed_and_accuracy():
     done = subprocess.run(
         [sys.executable, "-m", "torquer", "benchmark", "--json", "ty_phantom"],
         capture_output=True, text=True, check=True,

@@ -99,7 +99,7 @@ def test_a_policy_is_taught(tmp_path):
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_examples_can_be_imported_and_say_how_they_are_run(name, tmp_path, monkeypatch, capsys):
+def test_examples_can_be_imported_and_document_their_use(name, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     example = importlib.import_module(f"torquer.examples.{name}")

@@ -21,7 +21,7 @@ def test_json_that_is_nested_deeply(depth, opening, closing):
         _user_file.load_json(opening * depth + "1" + closing * depth)
 
 
-def test_json_as_deep_as_it_may_be():
+def test_json_of_the_largest_allowed_depth():
     assert _user_file.load_json("[" * 32 + "1" + "]" * 32)
     for text in ("NaN", "[Infinity]", "1 2", "1" * 5000, ""):
         with pytest.raises(ValueError):
@@ -44,7 +44,7 @@ def test_toml_that_is_nested_deeply(depth, before, opening, after, closing):
     assert time.process_time() - began < 1
 
 
-def test_toml_as_deep_and_as_long_as_it_may_be():
+def test_toml_of_the_largest_allowed_depth_and_length():
     parse = _user_file.parse_toml
     deep = "a = " + "[" * 31 + "1" + "]" * 31
     assert parse("", deep) and parse("", ".".join("a" * 32) + " = 1") and parse("", "a" * 4096 + " = 1")

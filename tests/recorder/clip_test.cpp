@@ -20,7 +20,7 @@ using namespace torquer;
 using namespace torquer::test;
 using Catch::Matchers::Contains;
 
-TEST_CASE("A clip shows each picture as long as it stood, and what the screen says") {
+TEST_CASE("A clip shows each picture for its time, with the text of the screen") {
   const bool mp4 = GENERATE(true, false);
   const TemporaryFolder folder;
   WriteScreenLog(folder.Path("log"));
@@ -83,7 +83,7 @@ TEST_CASE("A clip of a biplane session has both planes, each with its own pictur
   }
 }
 
-TEST_CASE("A clip of a span begins and ends where it is asked to") {
+TEST_CASE("A clip of a span has the requested begin and end") {
   const TemporaryFolder folder;
   WriteScreenLog(folder.Path("log"));
   const std::string path = folder.Path("clip.mp4");

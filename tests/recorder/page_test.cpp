@@ -82,7 +82,7 @@ int Count(const std::string& text, const std::string& part) {
 
 }  // namespace
 
-TEST_CASE("The page says what the assessment found, against which limits") {
+TEST_CASE("The page shows the assessment with its limits") {
   const std::string page = FormatPage(Report(true), Parts());
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("Target reached safely") &&
@@ -136,7 +136,7 @@ TEST_CASE("The verdict follows the readings") {
   CHECK_THAT(page, !Catch::Contains("dashed: target reached"));
 }
 
-TEST_CASE("An instrument that left the model stands among the figures of a scene with outlets") {
+TEST_CASE("The figures of a scene with outlets show an instrument that left the model") {
   SessionReport report = Report(true);
   const std::string title = "Left the model at an outlet, and was held there";
   CHECK_THAT(FormatPage(report, Parts()), !Catch::Contains(title));
@@ -265,7 +265,7 @@ TEST_CASE("The page has all that it shows, and text of a log is text") {
   CHECK_THAT(page, Catch::Contains("default-src 'none'"));
 }
 
-TEST_CASE("A page of several instruments says whose tip it means") {
+TEST_CASE("A page of several instruments names the instrument of its tip") {
   SessionReport report = Report(true);
   const std::string whose = "are those of guidewire, the innermost instrument";
   CHECK(FormatPage(report, Parts()).find(whose) == std::string::npos);

@@ -226,7 +226,7 @@ TEST_CASE("A report that the daemon did not fetch is lost too, and counted apart
   CHECK(Wire(faults).reports_lost == 5);
 }
 
-TEST_CASE("A wire that goes elsewhere than the hand is reported in counts") {
+TEST_CASE("A difference between wire and hand is reported in counts") {
   SessionFaults faults;
   faults.extra_wire_mm = 2.5 * kMmPerCount;
   CHECK(Wire(faults).axial.error_counts == Approx(2.5).margin(1e-3));

@@ -177,7 +177,7 @@ TEST_CASE("The JSON Schema has every section and every key", "[scene]") {
   }
 }
 
-TEST_CASE("Every shipped scene is one by the JSON Schema", "[scene]") {
+TEST_CASE("Every shipped scene is valid by the JSON Schema", "[scene]") {
   const json schema = json::parse(KeysAsJsonSchema());
   for (const auto& entry :
        std::filesystem::directory_iterator(torquer::test::SourcePath("/host/scenes"))) {

@@ -214,7 +214,7 @@ TEST_CASE("A shipped scene has a motion for each of its instruments", "[scene]")
   }
 }
 
-TEST_CASE("A number stands for a list of one wherever a key takes either", "[scene]") {
+TEST_CASE("A number replaces a list of one number for keys that take either", "[scene]") {
   const auto written = [](const std::string& text) {
     return WriteScene(ParseScene(text, "small.toml", {}));
   };

@@ -68,7 +68,7 @@ class Fixture {
 }  // namespace
 
 TEST_CASE(
-    "Without commands the pedals come up, the wire is held, and health says whose are missing",
+    "Without commands the pedals go up, the wire is held, and health names the missing sender",
     "[simulator]") {
   Fixture fixture;
   LiveCommands& commands = fixture.commands();
@@ -177,9 +177,8 @@ TEST_CASE("The numbers of a sender never decrease, and block no other sender", "
   CHECK(taken(INT64_MAX));
 }
 
-TEST_CASE(
-    "Values that cannot be followed are refused, field by field, and the last good ones stand",
-    "[simulator]") {
+TEST_CASE("Impossible values are refused field by field, and the last good ones stay",
+          "[simulator]") {
   using Field = double instrument_command_t::*;
   const auto [field, limit] = GENERATE(table<Field, double>({
       {&instrument_command_t::insertion_mm, 1e5},

@@ -158,7 +158,7 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   CHECK(live.Stop().commands >= 22);
 }
 
-TEST_CASE("Live, commands that stop leave a state in doubt, and health says whose are missing",
+TEST_CASE("Live, a state without new commands is in doubt, and health names the missing sender",
           "[simulator]") {
   torquer::test::NeedPrivateNetwork();
   const SceneFile file;
@@ -322,7 +322,7 @@ TEST_CASE("Live, health has the price of each effect", "[simulator]") {
   CHECK_FALSE(named("picture_us"));  // the scene has no X-ray
 }
 
-TEST_CASE("Live, forces along the wire go with every state of a scene that asks for them",
+TEST_CASE("Live, every state of a scene with internal_forces has forces along the wire",
           "[simulator]") {
   torquer::test::NeedPrivateNetwork();
   const bool asked = GENERATE(true, false);

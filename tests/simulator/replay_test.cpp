@@ -95,7 +95,7 @@ TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[
   CHECK(result.differing == 0);
 }
 
-TEST_CASE("States that were not recorded are made up for by those after them", "[simulator]") {
+TEST_CASE("Later states restore states that were not recorded", "[simulator]") {
   const std::string more = GENERATE(std::string(""), std::string(torquer::test::kMicrocatheter));
   const SceneFile file(more);
   Record(file.path(), file.Beside("log"), 80, [](torquer_lcm::wire_state_t& state) {
@@ -241,7 +241,7 @@ TEST_CASE("A replay of two joined logs is refused before it repeats the first", 
   CHECK(asked == 0);
 }
 
-TEST_CASE("A state that was published again at rest is one state to a replay", "[simulator]") {
+TEST_CASE("A state published again at rest counts once in a replay", "[simulator]") {
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
   Record(file.path(), file.Beside("once"), 5, Keep);

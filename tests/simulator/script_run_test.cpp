@@ -37,7 +37,7 @@ std::vector<nlohmann::json> Rows(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("A script that is asked to stop ends, and its rows so far are there", "[simulator]") {
+TEST_CASE("A stopped script ends with its rows so far", "[simulator]") {
   const SceneFile file;
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,0.5,0\n0.002,1.25,0.3\n");
   const torquer::Scene scene = torquer::Scene::FromFile(file.path());

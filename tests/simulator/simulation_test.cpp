@@ -79,7 +79,7 @@ TEST_CASE("A feed is relaxed in parts of the scene's longest feed", "[simulator]
   CHECK(parts("longest_feed_mm = 2\n") == 4);
 }
 
-TEST_CASE("A target that is not a number is refused and the last one stands", "[simulator]") {
+TEST_CASE("A target that is not a number is refused and the last one stays", "[simulator]") {
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
   Simulation simulation(scene);

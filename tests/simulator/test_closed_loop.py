@@ -127,7 +127,7 @@ def test_a_clamped_row_is_reported_once():
     assert done.stderr.count("is clamped to its max_length_mm") == 1
 
 
-def test_a_reader_that_goes_ends_it_with_a_sentence():
+def test_a_closed_reader_ends_it_with_a_message():
     loop = Loop()
     loop.send(HEADER + ROWS[0])
     loop.answer()
@@ -140,7 +140,7 @@ def test_a_reader_that_goes_ends_it_with_a_sentence():
     loop.process.stderr.close()
 
 
-def test_a_reader_that_goes_while_rows_come():
+def test_a_reader_that_closes_between_rows():
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(

@@ -83,7 +83,7 @@ TEST_CASE("A rod between clamps gives way at four times Euler's load of pinned e
 // Values of a run by case and metric.
 using Rows = std::map<std::string, std::map<std::string, double>>;
 
-TEST_CASE("Published experiments stand beside ours, with both errors") {
+TEST_CASE("The table has published and simulated experiments with both errors") {
   const TemporaryFolder folder;
   const std::string out = folder.Path("results");
   ChildProcess program({test::kStudyProgram, "experiments", "--quick", "--json", "--out", out});

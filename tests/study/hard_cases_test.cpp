@@ -53,7 +53,7 @@ TEST_CASE("The wall's pressure balances the bending, and only where it does") {
   CHECK(UnbalancedBend(rest.model, rest.field, other, rest.state) > 1e-4);
 }
 
-TEST_CASE("No step raises the energy of a wire that was laid in loops, and it comes to rest") {
+TEST_CASE("A wire laid in loops comes to rest, and no step raises its energy") {
   // Without the holonomy torque, a step raised the energy in these seeds by 2.6, 1.8 and 3.4 %.
   const std::vector<HardCase> cases = HardCases();
   const auto hard = std::find_if(cases.begin(), cases.end(), [](const HardCase& one) {

@@ -149,7 +149,7 @@ TEST_CASE("a plot shows every series and leaves out what its axes cannot show") 
   CHECK(Count(empty, "nan") == 0);
 }
 
-TEST_CASE("a point lies where its axes say") {
+TEST_CASE("the axes give the position of a point") {
   Plot plot;
   plot.width = 760;
   plot.x.range = {0, 10};

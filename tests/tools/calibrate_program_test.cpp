@@ -127,7 +127,7 @@ TEST_CASE("The file is named after the device's serial number unless set otherwi
   CHECK(std::filesystem::exists(folder.Path("plot.svg")));
 }
 
-TEST_CASE("Bad strokes are reported with the reason, and others asked for") {
+TEST_CASE("Bad strokes are reported with the reason, and requested again") {
   Bench bench;
   const std::string script = kBegin + Pushes(3) + Stroke(6600, 115) +  // stopped short
                              "move 3000 50 0.3\nlift 0.2\nmove 4087 74 0.3\nmark\nrest 0.3\n"

@@ -103,7 +103,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("No reading is lost while the device is asked who it is") {
+TEST_CASE("No reading is lost during a request for the device's identity") {
   Bench bench;
   const torquer::tools::DeviceFacts facts = bench.readings.Connect();
   CHECK(facts.serial == "SAID-1");

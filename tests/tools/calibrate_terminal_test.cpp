@@ -131,7 +131,7 @@ class Desk {
 
 }  // namespace
 
-TEST_CASE("A person is asked, led, shown live numbers, and can give up by Ctrl-C") {
+TEST_CASE("A person gets questions, instructions and live numbers, and can stop by Ctrl-C") {
   Desk desk;
   REQUIRE(desk.Shows("Distance from the near stop to the far stop, mm [150]:"));
   desk.Type("far\n");

@@ -65,7 +65,7 @@ TEST_CASE("Latency by another machine's clock is left out") {
   CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("latency -"));
 }
 
-TEST_CASE("Events of the wall force are news once, and the force stands in the line") {
+TEST_CASE("Events of the wall force are reported once, and the line has the force") {
   tools::LiveStatus status(7);
   status.Add(State(0, 1), kSender, kNowUs);
   torquer_lcm::readings_t readings{};
@@ -96,7 +96,7 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
   CHECK(status.Add(readings).empty());
 }
 
-TEST_CASE("An instrument that leaves the model is news, and stands in the line") {
+TEST_CASE("An instrument that leaves the model is reported, and the line shows it") {
   tools::LiveStatus status(7);
   torquer_lcm::readings_t readings{};
   readings.names = {"left_model_mm", "left_model_events", "left_model_event_s"};
@@ -115,7 +115,7 @@ TEST_CASE("A silent bus is reported") {
         "no scene | no wire yet | device no daemon | 0 reports/s, 0 lost | 0 states/s, latency -");
 }
 
-TEST_CASE("Every instrument stands in the line, each with a latency") {
+TEST_CASE("The line has every instrument with its latency") {
   tools::LiveStatus status(7);
   torquer_lcm::wire_state_t state = State(0, 3);
   torquer_lcm::instrument_state_t catheter = state.instruments[0];
@@ -143,7 +143,7 @@ TEST_CASE("Status in words") {
         "out of time, snapped");
 }
 
-TEST_CASE("Every daemon stands in the line, and messages name whose they are") {
+TEST_CASE("The line has every daemon, and messages name their daemon") {
   tools::LiveStatus status(7);
   torquer_lcm::health_t health{};
   health.process = "daemon";
@@ -232,8 +232,7 @@ TEST_CASE("Text and numbers of other programs are harmless") {
   }
 }
 
-TEST_CASE(
-    "Two simulators on one bus stand in the line with their scenes, as long as both publish") {
+TEST_CASE("The line shows two simulators on one bus with their scenes, while both publish") {
   tools::LiveStatus status(7);
   constexpr bus::Sender kOther{0x7f000001, 4001};
   torquer_lcm::scene_description_t scene{};

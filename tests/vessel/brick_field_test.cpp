@@ -112,7 +112,7 @@ TEST_CASE("value and gradient are continuous across cells, bricks, levels and th
   CHECK(gradient < 2e-5);
 }
 
-TEST_CASE("the field is nowhere steeper than it says") {
+TEST_CASE("the slope of the field is within its bound") {
   const TubeVessel phantom = MakeTyPhantom();
   const auto field = BrickField::FromFunction(
       [&](const Vector3d& p) { return phantom.field->Clearance(p); }, phantom.bounds_mm, Voxel(1));
@@ -318,7 +318,7 @@ TEST_CASE("stored bricks are taken over if they are whole, and built again if no
   CHECK(repaired->StoredBricks().size() == bricks.size());
 }
 
-TEST_CASE("a kept field that says it is complete and is not makes no hole") {
+TEST_CASE("a stored field that is falsely marked as complete makes no hole") {
   const auto original = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
   CHECK(original->Build(0, 1));
   const uint64_t expected = Fingerprint(*original, false);

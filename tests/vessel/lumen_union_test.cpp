@@ -202,7 +202,7 @@ TEST_CASE("vessels of one radius on one axis are one lumen, for any rounding") {
   CheckTubesOnOneAxis(kTubesOnOneAxis, false, 1);
 }
 
-TEST_CASE("open vessels of one radius on one axis are one, where parts must be moved for it") {
+TEST_CASE("open vessels of one radius on one axis are one lumen, even if parts must be moved") {
   CheckTubesOnOneAxis(kTubesOnOneAxis, true, 85);
 }
 

@@ -245,7 +245,7 @@ TEST_CASE("a cached surface whose triangles name no vertex is not used") {
   }
 }
 
-TEST_CASE("a cache folder is kept in bounds, the field that was used least recently goes first") {
+TEST_CASE("a cache folder has a limit, and the least recently used field is removed first") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
   WriteObj(path, PlainTube());

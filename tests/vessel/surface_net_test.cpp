@@ -42,7 +42,7 @@ TEST_CASE("The surface net of a ball is a closed sphere, wound outward") {
   CHECK(volume == Approx(exact).epsilon(0.01));
 }
 
-TEST_CASE("A surface net has about as many triangles as asked for") {
+TEST_CASE("A surface net has about the requested number of triangles") {
   const Ball ball;
   const Eigen::AlignedBox3d bounds(Ball::kCenterMm - Eigen::Vector3d::Constant(8),
                                    Ball::kCenterMm + Eigen::Vector3d::Constant(8));

@@ -84,7 +84,7 @@ TEST_CASE("tubes longer than those of any vessel are refused") {
   CHECK_THROWS_WITH(make(26'000), Contains("52000") && Contains("50000") && Contains("unit"));
 }
 
-TEST_CASE("between two points the radius changes as the reference of radii_mm says") {
+TEST_CASE("between two points the radius changes as documented for radii_mm") {
   const double length = 1000;
   const TubeField taper(
       {{"taper", ArcLinePath::FromCorners({{0, 0, 0}, {length, 0, 0}}, 15), {3, 2}, {0, length}}},

@@ -201,7 +201,7 @@ TEST_CASE("A failure of a case is reported, and another case can be started") {
           "torquer-recorder has ended too early, with status 2: the disk is full");
     CHECK(station.report() == nullptr);
   }
-  SECTION("there is no report") {
+  SECTION("no report") {
     fakes.Write("torquer-report", "echo nothing to judge; exit 2");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kRunning));
@@ -218,7 +218,7 @@ TEST_CASE("A failure of a case is reported, and another case can be started") {
     CHECK(Said(station)["problem"].get<std::string>().find("torquer-recorder: cannot be started") !=
           std::string::npos);
   }
-  SECTION("its simulator does not end when it is asked") {
+  SECTION("its simulator ignores a request to end") {
     fakes.Write("torquer-simulator", "trap '' TERM; echo $$ >" + fakes.Path("simulator.pid") +
                                          "; while :; do sleep 0.01; done");
     REQUIRE(station.Start(0, kNow));

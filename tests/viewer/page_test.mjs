@@ -322,7 +322,7 @@ test("nodes are drawn where an independent projection has them", async () => {
   assert.ok(Math.hypot(sumX / count - tipX, sumY / count - tipY) < 1, `the tip is drawn at ${sumX / count}, ${sumY / count}, not ${tipX}, ${tipY}`);
 });
 
-test("the pedal goes up with the page that held it", async () => {
+test("closing the page that holds the pedal releases it", async () => {
   const other = await open();
   await until("the other page sees who steers", () => other.evaluate(() => window.torquer.viewer()?.steered));
   await page.bringToFront();
@@ -352,7 +352,7 @@ test("a viewer that was killed is found again, and steers on from there", async 
   await hold("ArrowUp", "3 mm further in", async () => (await state()).insertion > start.insertion + 3);
 });
 
-test("a simulator that is gone is named", async () => {
+test("a missing simulator is named", async () => {
   process.kill(Number(session.read("simulator.pid")), "SIGKILL");
   await stateWord("silent");
   assert.match(await text("#xray-notice"), /does not answer/);

@@ -185,7 +185,7 @@ const later = async (seconds) => {
 // Simulated time in which the dye reaches its farthest extent.
 const DYE_S = 7;
 
-test("subtracted, dye is dark and all else even; a road map keeps it bright when it is gone", async () => {
+test("in subtraction dye is dark and the rest even; a road map keeps past dye bright", async () => {
   await mode("subtraction");
   // A busy page misses pulses and releases the pedal late. So the map gets less dye for less time.
   const [filled, touched] = [new Set(), new Set()];

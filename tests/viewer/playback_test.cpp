@@ -57,7 +57,7 @@ TEST_CASE("A replay stops at the end, and begins again from there") {
   CHECK(playback.at_us() == 1100);
 }
 
-TEST_CASE("A replay goes to a place, and not beyond the end") {
+TEST_CASE("A replay jumps to a time, and not beyond the end") {
   Playback playback(kLengthUs, kTimesUs);
   ReplayControls controls = Asked(false);
   controls.at_s = 0.005;

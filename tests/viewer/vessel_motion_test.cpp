@@ -48,7 +48,7 @@ Deviation DeviationOf(scene::Scene& scene) {
 
 }  // namespace
 
-TEST_CASE("A moving vessel is drawn where the wire feels it") {
+TEST_CASE("The drawn position of a moving vessel is that of the wall for the wire") {
   for (const char* name : {"beating_heart", "coronary", "everything"}) {
     INFO(name);
     scene::Scene scene(test::SourcePath(std::string("/host/scenes/") + name + ".toml"));

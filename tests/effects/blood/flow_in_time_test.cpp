@@ -202,7 +202,7 @@ TEST_CASE("A wire in a vessel obstructs as far as it lies in it", "[effects]") {
   }
 }
 
-TEST_CASE("Behind a stenosis the pressure is lost that Young and Tsai say", "[effects]") {
+TEST_CASE("The pressure loss behind a stenosis is that of Young and Tsai", "[effects]") {
   // The radius narrows from 2 to 1 mm and widens again. Closed form: R q + k q^2 = 30 mmHg.
   const std::string tube =
       "[vessel]\nkind = \"tubes\"\nwall_stiffness_N_mm2 = 1\n[[vessel.tube]]\nname = \"tube\"\n"

@@ -61,7 +61,7 @@ TEST_CASE("A symmetric fork splits the flow evenly", "[effects]") {
   }
 }
 
-TEST_CASE("A stenosis takes the pressure that Poiseuille says", "[effects]") {
+TEST_CASE("The pressure loss in a stenosis is that of Poiseuille", "[effects]") {
   // Radius 2 mm, but 1 mm from 90 to 110 mm, with cones of 10 mm on both sides.
   std::vector<Eigen::Vector3d> points;
   std::vector<double> radii;

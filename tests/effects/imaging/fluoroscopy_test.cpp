@@ -96,7 +96,7 @@ bool TickDue(Simulation& session, const Command& command) {
 
 }  // namespace
 
-TEST_CASE("Known points fall where the geometry of the C-arm says", "[effects]") {
+TEST_CASE("Known points are projected by the geometry of the C-arm", "[effects]") {
   const CArm arm = Arm();
   const double middle = 127.5;
   SECTION("from the front: the patient's left is right, cranial is up") {
@@ -264,7 +264,7 @@ TEST_CASE("The body absorbs as its ellipse is thick", "[effects]") {
   CHECK(with_spine.At(60, 127) == front.At(60, 127));
 }
 
-TEST_CASE("Noise is Gaussian, of variance 1, and the same again from its seed", "[effects]") {
+TEST_CASE("Noise is Gaussian, of variance 1, and repeatable by its seed", "[effects]") {
   constexpr std::size_t kCount = 200000;
   std::vector<float> noise(kCount);
   FillWithNoise(7, 3, noise.data(), kCount);

@@ -67,7 +67,7 @@ int Gray(const ImageSource::Picture& picture, int column, int row) {
 
 }  // namespace
 
-TEST_CASE("Pulses are as many as are chosen, and as the scene says otherwise", "[effects]") {
+TEST_CASE("The pulse rate is the chosen one, otherwise the scene's", "[effects]") {
   Imaging imaging;
   CHECK(DoseOf(imaging).pulses == 30);
   imaging.pulses_per_s = 7.5;

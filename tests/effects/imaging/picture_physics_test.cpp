@@ -116,7 +116,7 @@ TEST_CASE("A marker is painted with its length, for any ends of segments", "[eff
   }
 }
 
-TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background says", "[effects]") {
+TEST_CASE("Scatter weakens shadows by Beer and Lambert's law with a background", "[effects]") {
   // Gray value behind dye in a wide tube, in a picture nearly without noise.
   const auto gray = [](const std::string& more, bool contrast) {
     SceneOf scene(kStraight +
@@ -178,7 +178,7 @@ TEST_CASE("Structures that moved since the mask do not cancel until they are bac
   CHECK(spread(4.001, true) <= 2);
 }
 
-TEST_CASE("The dose goes with pulses, current and the body's thickness", "[effects]") {
+TEST_CASE("The dose depends on pulses, current and the body's thickness", "[effects]") {
   const auto kerma = [](const std::string& more, double lao_rad, double seconds) {
     SceneOf scene(kStraight + "[effects.fluoroscopy]\nwidth_px = 64\nheight_px = 64\n" + more);
     Simulation session(*scene);

@@ -132,7 +132,7 @@ class Aside final : public vessel::FieldMotion {
   double shift_mm_ = 0;
 };
 
-TEST_CASE("A tip that goes along with its vessel goes no way and leaves no route") {
+TEST_CASE("A tip that moves with its vessel has no path and leaves no route") {
   const FreeSpace field;
   Aside aside;
   vessel::MovingField moving(field);

@@ -288,7 +288,7 @@ TEST_CASE("USB/IP: invalid bytes end only the connection") {
   CHECK(bench.Control({0x80, 6, 0, 1, 0, 0, 18, 0}).status == 0);
 }
 
-TEST_CASE("Commands: the hand goes from place to place") {
+TEST_CASE("Commands: the hand moves from place to place") {
   torquer::emulator::GlidingHand hand;
   CHECK_FALSE(hand.Moves(0));
   hand.Glide(1.0, {.insertion_mm = 10, .rotation_rad = 1}, 2.0);
