@@ -171,7 +171,7 @@ void EmulatorRun::Publish() {
   } else if (!host_.ready()) {
     bus_->PublishHealth("starting", "the device is not on the bus yet", Counters());
   } else if (!socket_.connected()) {
-    bus_->PublishHealth("waiting for client", "nobody is connected to " + socket_.path(),
+    bus_->PublishHealth("waiting for client", "no program is connected to " + socket_.path(),
                         Counters());
   } else {
     bus_->PublishHealth("running", "a client takes reports", Counters());

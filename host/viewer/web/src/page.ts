@@ -235,7 +235,7 @@ class Page {
     const hand = this.handInTrouble();
     if (hand !== "") return ["warn", hand, ""];
     if ((this.state.status & STATUS.inDoubt) !== 0) {
-      return ["warn", this.viewer?.steer === true ? "Wire held: nobody steers" : "Wire held: no commands from the device", ""];
+      return ["warn", this.viewer?.steer === true ? "Wire held: no page steers" : "Wire held: no commands from the device", ""];
     }
     if (this.viewer?.steer !== true && !this.panel.hasDaemon()) return ["good", "No device", ""];
     return ["good", this.viewer?.hands?.some(({ clutch }) => clutch) ? "Clutch held" : "Running", ""];
