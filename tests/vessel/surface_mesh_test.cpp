@@ -309,6 +309,23 @@ TEST_CASE("a lumen is not taken for a wall") {
   CHECK(surface.report.tube_facing_share < 0.01);
 }
 
+TEST_CASE("a bundle of separate tubes is a lumen and no wall with thickness") {
+  // Nearly all rays from a tube in the middle meet the tubes beside it.
+  TriangleMesh bundle;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      TriangleMesh tube = MakeTubeMesh(40, 8, 24, [](double) { return 3; });
+      CapTubeMesh(tube);
+      for (Vector3d& v : tube.vertices_mm)
+        v += Vector3d(0, 6.4 * column + 3.2 * (row % 2), 5.6 * row);
+      Append(bundle, tube);
+    }
+  }
+  const SurfaceMesh surface = RepairSurface(bundle, "x");
+  CHECK_FALSE(surface.report.was_shell);
+  CHECK(surface.report.volume_mm3 == Approx(36 * 40 * 24 * 4.5 * std::sin(M_PI / 12)));
+}
+
 TEST_CASE(
     "a part within another is removed, a nick in the wall is included, and both are reported") {
   TriangleMesh tube = MakeClosedTube(40, 6);

@@ -116,6 +116,31 @@ TEST_CASE("rays hit the nearest face") {
   CHECK(std::isinf(bvh.CastRay({20, 10, 0}, Vector3d::UnitX(), 0)));
 }
 
+TEST_CASE("a ray meets a part if it hits a triangle of it beyond the least distance") {
+  TriangleMesh mesh = MakeClosedTube(40, 3);
+  const size_t first = mesh.triangles.size();
+  const TriangleMesh tube = mesh;
+  const auto offset = static_cast<int32_t>(mesh.vertices_mm.size());
+  for (const Vector3d& vertex : tube.vertices_mm)
+    mesh.vertices_mm.push_back(vertex + Vector3d(0, 20, 0));
+  for (const auto& t : tube.triangles)
+    mesh.triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
+  std::vector<int> parts(mesh.triangles.size(), 1);
+  std::fill_n(parts.begin(), first, 0);
+  const TriangleBvh bvh(mesh);
+  const auto meets = [&](const Vector3d& from_mm, const Vector3d& direction, double least_mm,
+                         int part) {
+    return bvh.RayMeetsPart(from_mm, direction, least_mm, parts, part);
+  };
+  CHECK(meets({20, 10, 0}, Vector3d(0, -1, 0), 0, 0));
+  CHECK_FALSE(meets({20, 10, 0}, Vector3d(0, -1, 0), 0, 1));
+  CHECK(meets({20, 10, 0}, Vector3d(0, -1, 0), 8, 0));  // the far wall
+  CHECK_FALSE(meets({20, 10, 0}, Vector3d(0, -1, 0), 14, 0));
+  // Through the first tube into the second.
+  CHECK(meets({20, 0, 0}, Vector3d(0, 1, 0), 0, 1));
+  CHECK_FALSE(meets({20, 10, 0}, Vector3d::UnitX(), 0, 0));
+}
+
 TEST_CASE("a clean surface has no doubtful place") {
   const TriangleBvh bvh(Bottle());
   for (size_t i = 0; i < bvh.mesh().triangles.size(); ++i) {

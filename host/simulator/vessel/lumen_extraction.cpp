@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <utility>
 #include <vector>
 
 #include "host/simulator/vessel/arc_line_path.h"
 #include "host/simulator/vessel/mesh_edges.h"
+#include "host/simulator/vessel/mesh_repair.h"
 
 namespace torquer::vessel {
 
@@ -23,10 +23,11 @@ constexpr size_t kSampleFaces = 400;
 constexpr double kInTube = 0.75;
 constexpr int kDiffusionSteps = 20;
 
-// Share of the rays in the hemisphere about a face's normal that meet the surface again. The rays
-// are spiral points, evenly spread over the solid angle. The flattest tenth is omitted: it would
-// graze the face's neighbors.
-double ReturningShare(const TriangleBvh& surface, size_t face, int rays) {
+// Share of the rays in the hemisphere about a face's normal that meet the face's own part again.
+// Other parts are beside it and are no wall around it. The rays are spiral points, evenly spread
+// over the solid angle. The flattest tenth is omitted: it would graze the face's neighbors.
+double ReturningShare(const TriangleBvh& surface, const std::vector<int>& parts, size_t face,
+                      int rays) {
   const TriangleMesh& mesh = surface.mesh();
   const Vector3d normal = mesh.DoubleArea(face).normalized();
   const Vector3d x = AnyOrthogonal(normal), y = normal.cross(x);
@@ -37,7 +38,7 @@ double ReturningShare(const TriangleBvh& surface, size_t face, int rays) {
     const double height = 0.1 + 0.9 * (r + 0.5) / rays;
     const double wide = std::sqrt(1 - height * height), angle = golden * r;
     const Vector3d direction = height * normal + wide * (std::cos(angle) * x + std::sin(angle) * y);
-    met += std::isfinite(surface.CastRay(from, direction, 1e-6)) ? 1 : 0;
+    met += surface.RayMeetsPart(from, direction, 1e-6, parts, parts[face]) ? 1 : 0;
   }
   return static_cast<double>(met) / rays;
 }
@@ -47,11 +48,13 @@ double ReturningShare(const TriangleBvh& surface, size_t face, int rays) {
 double TubeFacingShare(const TriangleBvh& surface) {
   const size_t count = surface.mesh().triangles.size();
   const size_t stride = std::max<size_t>(1, count / kSampleFaces);
+  int part_count = 0;
+  const std::vector<int> parts = repair::Parts(surface.mesh(), &part_count);
   double facing = 0, total = 0;
   for (size_t i = 0; i < count; i += stride) {
     const double area = surface.mesh().DoubleArea(i).norm();
     total += area;
-    if (ReturningShare(surface, i, kSampleRays) >= kInTube) facing += area;
+    if (ReturningShare(surface, parts, i, kSampleRays) >= kInTube) facing += area;
   }
   return total > 0 ? facing / total : 0;
 }
@@ -60,10 +63,12 @@ TriangleMesh InnerSide(const TriangleBvh& surface) {
   const TriangleMesh& mesh = surface.mesh();
   const size_t count = mesh.triangles.size();
   const auto edges = EdgesOf(mesh);
+  int part_count = 0;
+  const std::vector<int> parts = repair::Parts(mesh, &part_count);
   std::vector<double> area(count), vote(count);
   for (size_t i = 0; i < count; ++i) {
     area[i] = mesh.DoubleArea(i).norm() / 2;
-    vote[i] = ReturningShare(surface, i, kRays);
+    vote[i] = ReturningShare(surface, parts, i, kRays);
   }
   std::vector<std::vector<int32_t>> neighbors(count);
   for (const auto& [edge, uses] : edges) {

@@ -19,7 +19,7 @@ namespace {
 using Polygon = std::vector<Vector3d>;  // convex, flat, counterclockwise about its face's normal
 
 // Faces of a vessel pass through only a few others, at junctions of branches.
-constexpr size_t kMostCuts = 1'000'000, kMostPieces = 20'000, kMostPiecesPerFace = 4;
+constexpr size_t kMostCuts = 1'000'000, kMostPieces = 5'000, kMostPiecesPerFace = 4;
 
 struct Segment {
   Vector3d from, to;

@@ -287,8 +287,6 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
   }
 }
 
-// Walks down the tree into nodes for which `enters` is true. Calls `leaf` with each triangle there,
-// until it returns false.
 // All triangles within limit_mm of a point, with the tangents of their distances. Returns false and
 // no triangle if there are too many: a search for each sample is then quicker.
 bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
@@ -312,10 +310,12 @@ bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
   return false;
 }
 
-double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
-                            double least_mm) const {
+// Calls `met` with each triangle on a ray beyond least_mm and its distance, until it returns false.
+// Nodes farther than `nearest` are omitted; `met` may lower it.
+template <typename Met>
+void TriangleBvh::WalkRay(const Vector3d& from_mm, const Vector3d& direction, double least_mm,
+                          const double& nearest, Met met) const {
   const Vector3d inverse = direction.cwiseInverse();
-  double nearest = kInfinity;
   const auto enters = [&](const Node& node) {
     double enter = least_mm, leave = nearest;
     for (int axis = 0; axis < 3; ++axis) {
@@ -341,10 +341,28 @@ double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
     const double v = direction.dot(q) / determinant;
     if (v < 0 || u + v > 1) return true;
     const double t = face.ac.dot(q) / determinant;
-    if (t > least_mm && t < nearest) nearest = t;
+    return !(t > least_mm && t < nearest) || met(triangle, t);
+  });
+}
+
+double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
+                            double least_mm) const {
+  double nearest = kInfinity;
+  WalkRay(from_mm, direction, least_mm, nearest, [&](int32_t, double distance_mm) {
+    nearest = distance_mm;
     return true;
   });
   return nearest;
+}
+
+bool TriangleBvh::RayMeetsPart(const Vector3d& from_mm, const Vector3d& direction, double least_mm,
+                               const std::vector<int>& parts, int part) const {
+  bool meets = false;
+  WalkRay(from_mm, direction, least_mm, kInfinity, [&](int32_t triangle, double) {
+    meets = parts[triangle] == part;
+    return !meets;
+  });
+  return meets;
 }
 
 void TriangleBvh::FindTouching(const AlignedBox3d& box, std::vector<int32_t>& triangles) const {

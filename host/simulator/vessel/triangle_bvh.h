@@ -43,6 +43,11 @@ class TriangleBvh final : public DistanceSource {
   double CastRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
                  double least_mm) const;
 
+  /// True if a ray along a unit direction meets a triangle of a part beyond least_mm. parts: index
+  /// of the part of every triangle.
+  bool RayMeetsPart(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
+                    double least_mm, const std::vector<int>& parts, int part) const;
+
   /// Winding number of the surface about a point: 1 inside a simple surface, 0 outside.
   double WindingNumber(const Eigen::Vector3d& point_mm) const;
 
@@ -109,8 +114,13 @@ class TriangleBvh final : public DistanceSource {
   std::pair<double, double> WindingNumbersBeside(const Eigen::Vector3d& point_mm,
                                                  const Eigen::Vector3d& step_mm,
                                                  double dipole_ratio) const;
+  // Walks down the tree into nodes for which `enters` is true. Calls `leaf` with each triangle
+  // there, until it returns false.
   template <typename Enters, typename Leaf>
   void Walk(Enters enters, Leaf leaf) const;
+  template <typename Met>
+  void WalkRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction, double least_mm,
+               const double& nearest, Met met) const;
   inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
   Hit Search(const Eigen::Vector3d& p, Hit best) const;
   Hit Search(const Eigen::Vector3d& p) const { return Search(p, Hit()); }
