@@ -129,6 +129,57 @@ TEST_CASE("A start path that moves with its entry stays across the centerline", 
   }
 }
 
+TEST_CASE("An entry at a point has a path into a branch, without centerlines", "[scene]") {
+  // The stem of the phantom lies along x; the crossbar leaves it at x = 100, here downward.
+  std::string text = SceneText();
+  const std::string at = "centerline = \"main\"\nat_mm = 1\n";
+  const std::string point = "point_mm = [1, 0, 0]\ndirection = [2, 0, 0]\n";
+  const auto refusal = [&](const std::string& entry) {
+    std::string changed = text;
+    changed.replace(changed.find(at), at.size(), entry);
+    try {
+      const Scene scene(ParseScene(changed, "small.toml", {}));
+    } catch (const torquer::UserError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const std::string path = "path_mm = [[98, 0, 0], [89.6, -38.6, 0]]\n";
+  CHECK_THAT(refusal(point), Contains("inserted_at_start_mm") && Contains("entry.path_mm"));
+  CHECK(refusal(point + path).empty());
+  CHECK_THAT(refusal(at + path), Contains("small.toml:8: entry.path_mm") && Contains("point_mm"));
+  CHECK_THAT(refusal(point + "path_mm = [[98, 0, 0], [98, 9, 1]]\n"),
+             Contains("entry.path_mm") && Contains("point 2 of 2, (98, 9, 1)"));
+  CHECK_THAT(refusal(point + "path_mm = []\n"), Contains("entry.path_mm"));
+
+  const auto tip = [&](const std::string& entry) {
+    std::string changed = text;
+    changed.replace(changed.find(at), at.size(), entry);
+    Scene scene(ParseScene(changed, "small.toml", {}));
+    CHECK(WriteScene(ParseScene(WriteScene(scene.spec()), "again", {})) ==
+          WriteScene(scene.spec()));
+    const auto relaxation = scene.MakeRelaxation();
+    return scene.MakeStart(*relaxation).tip();
+  };
+  CHECK(tip(point + path)[1] < -10);
+  CHECK(tip(point + "path_mm = [[98, 0, 0], [105, 19, 0]]\n")[1] > 10);
+}
+
+TEST_CASE("A path of points moves with its entry, across each of its legs", "[scene]") {
+  EntrySpec spec;
+  spec.point_mm = Vector3d(0, 0, 0);
+  spec.direction = Vector3d(3, 0, 0);
+  spec.path_mm = {{10, 0, 0}, {10, 10, 0}};
+  const torquer::vessel::CenterlineNetwork none;
+  CHECK(FindEntry(spec, none).start_path_mm == spec.path_mm);
+  spec.offset_mm = {0.5, 2};  // along y, which turns to -x at the corner, and along z
+  const Entry moved = FindEntry(spec, none);
+  CHECK(moved.sheath.point_mm.isApprox(Vector3d(0, 0.5, 2), 1e-14));
+  REQUIRE(moved.start_path_mm.size() == 2);
+  CHECK(moved.start_path_mm[0].isApprox(Vector3d(10, 0.5, 2), 1e-14));
+  CHECK(moved.start_path_mm[1].isApprox(Vector3d(9.5, 10, 2), 1e-14));
+}
+
 TEST_CASE("An instrument beside the others is the same after it was written and read", "[scene]") {
   const SceneSpec spec = Parsed(Buddy(kBeside, "inserted_at_start_mm = 40\n"));
   REQUIRE(spec.instruments[1].entry);

@@ -52,6 +52,20 @@ Way FindWay(const EntrySpec& spec, const vessel::CenterlineNetwork& network) {
   return way;
 }
 
+// Samples of a path of points from `start` on, with the direction of the leg that ends there.
+std::vector<vessel::CenterlineSample> SamplesOf(const std::vector<Vector3d>& path_mm,
+                                                const vessel::CenterlineSample& start) {
+  std::vector<vessel::CenterlineSample> samples;
+  vessel::CenterlineSample last = start;
+  for (const Vector3d& point : path_mm) {
+    const Vector3d leg = point - last.position_mm;
+    last.position_mm = point;
+    if (leg.norm() > 0) last.tangent = leg.normalized();
+    samples.push_back(last);
+  }
+  return samples;
+}
+
 // Moves an entry and its path across their tangents. The normals are carried along the path.
 void MoveAcross(const Eigen::Vector2d& offset_mm, const Way& way, Entry& entry) {
   Vector3d tangent = entry.sheath.direction;
@@ -72,7 +86,8 @@ void MoveAcross(const Eigen::Vector2d& offset_mm, const Way& way, Entry& entry) 
 Entry FindEntry(const EntrySpec& spec, const vessel::CenterlineNetwork& network) {
   Way way;
   if (spec.point_mm) {
-    way.start = {.position_mm = *spec.point_mm, .tangent = *spec.direction};
+    way.start = {.position_mm = *spec.point_mm, .tangent = spec.direction->normalized()};
+    way.samples = SamplesOf(spec.path_mm, way.start);
   } else {
     way = FindWay(spec, network);
   }

@@ -12,7 +12,7 @@ namespace torquer::scene {
 
 struct Entry {
   Sheath sheath;
-  std::vector<Eigen::Vector3d> start_path_mm;  ///< empty for an entry at a point
+  std::vector<Eigen::Vector3d> start_path_mm;  ///< empty for an entry at a point without a path
 };
 
 /// Throws UserError naming file, line, key, value and remedy.

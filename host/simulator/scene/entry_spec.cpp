@@ -17,6 +17,9 @@ void CheckEntry(const EntrySpec& spec, StrictTable& table) {
   if (spec.direction && !(spec.direction->norm() > 1e-9)) {
     table.Refuse("direction", "has no length; give a direction");
   }
+  if (!spec.path_mm.empty() && !spec.point_mm) {
+    table.Refuse("path_mm", "needs point_mm; give point_mm and direction, or remove path_mm");
+  }
   if (spec.towards && !spec.centerline) {
     table.Refuse("towards", "needs centerline; give centerline or remove towards");
   }
@@ -33,6 +36,10 @@ const Keys<EntrySpec>& EntryKeys() {
           .Otherwise("unset: give centerline")
           .Point("direction", &Spec::direction, "",
                  "direction of the instruments at the entry point")
+          .Otherwise("none")
+          .Points(
+              "path_mm", &Spec::path_mm, 1, "mm",
+              "points of the path from point_mm on, along which the instruments lie at the start")
           .Otherwise("unset: give point_mm and direction")
           .Text("centerline", &Spec::centerline,
                 "centerline on which the instruments enter, in its direction of increasing arc "

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "host/support/key_table.h"
 
@@ -13,6 +14,7 @@ namespace torquer::scene {
 struct EntrySpec : TableSpec {
   std::optional<Eigen::Vector3d> point_mm;
   std::optional<Eigen::Vector3d> direction;
+  std::vector<Eigen::Vector3d> path_mm;  ///< from point_mm on, at the start
   std::optional<std::string> centerline;
   double at_mm = 0;
   std::optional<std::string> towards;

@@ -114,8 +114,16 @@ void Scene::MakeEntries() {
   }
 }
 
-// The thickest instrument of an entry must fit into the lumen there.
+// The thickest instrument of an entry must fit into the lumen there, and its path lies inside.
 void Scene::CheckFit(const EntrySpec& spec, const Entry& entry, double radius_mm) const {
+  for (std::size_t k = 0; k < spec.path_mm.size(); ++k) {
+    const Eigen::Vector3d& point = spec.path_mm[k];
+    if (vessel_.field->Clearance(point) > 0) continue;
+    spec.origin.Refuse(
+        "path_mm", fmt::format("point {} of {}, ({:g}, {:g}, {:g}), lies outside the lumen; give "
+                               "points in the lumen",
+                               k + 1, spec.path_mm.size(), point[0], point[1], point[2]));
+  }
   const vessel::LumenReport report =
       vessel::CheckPlace(*vessel_.field, vessel_.centerlines, entry.sheath.point_mm,
                          entry.sheath.direction, radius_mm);

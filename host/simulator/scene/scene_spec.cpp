@@ -265,10 +265,11 @@ void CheckInstruments(const SceneSpec& spec) {
       instrument.origin.Refuse("tip_mm",
                                "must be at least one segment long for a tip with tip_angle_deg");
     }
-    if (instrument.inserted_at_start_mm > 0 && !instrument.entry.value_or(spec.entry).centerline) {
+    const EntrySpec& entry = instrument.entry ? *instrument.entry : spec.entry;
+    if (instrument.inserted_at_start_mm > 0 && !entry.centerline && entry.path_mm.empty()) {
       instrument.origin.Refuse("inserted_at_start_mm",
-                               "needs a centerline along which the instrument lies; give "
-                               "entry.centerline instead of entry.point_mm");
+                               "needs a path along which the instrument lies; give entry.path_mm, "
+                               "or entry.centerline instead of entry.point_mm");
     }
     CheckOwnEntry(all, k);
     CheckLumen(all, k);
