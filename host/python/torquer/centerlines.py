@@ -34,6 +34,8 @@ _STEPS_AHEAD = 200
 _TYPES = {"Float32": "f4", "Float64": "f8", "Int32": "i4", "Int64": "i8"}
 UNITS = ("mm", "m", "cm", "um", "in")
 """Units that a scene's surfaces and curves may have."""
+MM = dict(zip(UNITS, (1.0, 1000.0, 10.0, 0.001, 25.4)))
+"""Millimeters of each unit."""
 _SAVE_AGAIN = "save it again as VTK XML PolyData (.vtp)"
 
 

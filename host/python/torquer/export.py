@@ -18,7 +18,7 @@ import secrets
 import shutil
 import struct
 import tempfile
-from typing import Any, Dict, Iterator, List, Sequence, Tuple, Union
+from typing import Any, Dict, Iterator, List, Mapping, Sequence, Tuple, Union
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -291,7 +291,7 @@ def _write_text(path: pathlib.Path, text: str) -> None:
         raise Error(f"{path}: cannot be written ({error.strerror}); check the folder and its space") from None
 
 
-def write_folder(folder: Path, files: Dict[str, str]) -> None:
+def write_folder(folder: Path, files: Mapping[str, Union[str, bytes]]) -> None:
     """Makes a folder with these files, by their names. After an error there is no folder."""
     folder = pathlib.Path(folder)
     if os.path.lexists(folder):
@@ -299,8 +299,8 @@ def write_folder(folder: Path, files: Dict[str, str]) -> None:
     temporary = None
     try:
         temporary = pathlib.Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-        for name, text in files.items():
-            (temporary / name).write_text(text)
+        for name, contents in files.items():
+            (temporary / name).write_bytes(contents if isinstance(contents, bytes) else contents.encode())
         temporary.chmod(0o755)
         temporary.rename(folder)
     except OSError as error:

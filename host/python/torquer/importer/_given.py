@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Surface
-from ..centerlines import UNITS, Line, read_vtp, without_trunks
+from ..centerlines import MM, Line, read_vtp, without_trunks
 from ._base import Error, Points, as_text, need
 from .centerlines import Curve, clamp
 from .scan import Path
@@ -20,7 +20,6 @@ _BY_VTK = (".vtp", ".vtk")
 ENDINGS = (".stl", ".obj", ".ply", *_BY_VTK)
 """Ends of the names of surfaces."""
 SPACES = ("LPS", "RAS")
-_MM = dict(zip(UNITS, (1.0, 1000.0, 10.0, 0.001, 25.4)))
 _HEADER_BYTES = 1000
 # An end of a line joins another one within this share of its radius there.
 _JOINS = 0.25
@@ -118,7 +117,7 @@ def read_lines(path: Path, mesh_unit: str, space: str, root_mm: Optional[Any]) -
     """
     read = read_vtp(path)
     lines = without_trunks(read)
-    lines = [Line(in_lps(_MM[mesh_unit] * line.points, space), _MM[mesh_unit] * line.radii) for line in lines]
+    lines = [Line(in_lps(MM[mesh_unit] * line.points, space), MM[mesh_unit] * line.radii) for line in lines]
     curves = _tree(os.fspath(path), lines, root_mm)
     return curves, [f"{len(read)} lines of {os.fspath(path)} are a tree of {len(curves)} branches."]
 
