@@ -19,11 +19,11 @@ void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
                   const std::shared_ptr<Device>& device) {
   using SharedDevice = std::shared_ptr<Device>;
   const auto on_ioctl = +[](UMockdevIoctlBase* /*handler*/, UMockdevIoctlClient* client,
-                            gpointer device) -> gboolean {
-    return (*static_cast<SharedDevice*>(device))->Ioctl(client) ? TRUE : FALSE;
+                            gpointer shared) -> gboolean {
+    return (*static_cast<SharedDevice*>(shared))->Ioctl(client) ? TRUE : FALSE;
   };
   const auto release =
-      +[](gpointer device, GClosure* /*closure*/) { delete static_cast<SharedDevice*>(device); };
+      +[](gpointer shared, GClosure* /*closure*/) { delete static_cast<SharedDevice*>(shared); };
   UMockdevIoctlBase* handler = umockdev_ioctl_base_new();
   g_signal_connect_data(handler, "handle-ioctl", G_CALLBACK(on_ioctl), new SharedDevice(device),
                         release, GConnectFlags{});
