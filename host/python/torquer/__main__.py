@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from . import Error, __version__, _command, benchmark, centerlines, envs, export
+from . import Error, __version__, _command, benchmark, centerlines, envs, export, guide3d
 
 
 def main() -> int:
@@ -15,10 +15,11 @@ def main() -> int:
     convert = commands.add_parser(
         "convert",
         help="convert a --states file to .pvd, .vtp, .mrk.json or .csv, or centerlines of VMTK (.vtp) "
-        "to a new folder of curves for a scene",
+        "to a new folder of curves for a scene, or guide3d FOLDER to shapes for torquer-validate",
     )
-    convert.add_argument("source", metavar="IN", help="file to read")
-    convert.add_argument("target", metavar="OUT", help="file or folder to write")
+    convert.add_argument("source", metavar="IN", help="file to read; or guide3d, and then the folder of that public data")
+    convert.add_argument("target", metavar="OUT", help="file or folder to write; the folder to read after guide3d")
+    convert.add_argument("shapes", metavar="SHAPES", nargs="?", help="new folder for the shapes of guide3d (default: guide3d-shapes)")
     convert.add_argument(
         "--unit", choices=centerlines.UNITS, help="unit of the coordinates in a .vtp (default: mm; SimVascular: cm)"
     )
@@ -36,7 +37,15 @@ def main() -> int:
             result = benchmark.run(arguments.tasks)
             print(benchmark.as_json(result) if arguments.json else benchmark.as_table(result))
             return 0
-        if arguments.source.endswith(".vtp"):
+        target = arguments.target
+        if arguments.source == "guide3d":
+            if arguments.unit:
+                raise Error("--unit is for centerlines in a .vtp; leave it out after guide3d")
+            target = arguments.shapes or "guide3d-shapes"
+            written = guide3d.convert(arguments.target, target)
+        elif arguments.shapes:
+            raise Error(f"{arguments.shapes}: a third name is for guide3d alone; leave it out")
+        elif arguments.source.endswith(".vtp"):
             written = centerlines.convert(arguments.source, arguments.target, arguments.unit or "mm")
         elif arguments.unit:
             raise Error(f"--unit {arguments.unit} is for centerlines in a .vtp, but {arguments.source} is none; leave it out")
@@ -45,7 +54,7 @@ def main() -> int:
     except Error as error:
         print(f"torquer: {error}", file=sys.stderr)
         return 2
-    print(f"{arguments.target}: {written}")
+    print(f"{target}: {written}")
     return 0
 
 
