@@ -133,6 +133,7 @@ def off_mm(points, number):
 
 def test_shapes_of_known_wires_are_found(published, tmp_path, monkeypatch):
     monkeypatch.setattr(_registration, "STARTS", 4)
+    monkeypatch.setattr(_convert, "_NOISE_DRAWS", 2)
     said = torquer.guide3d.convert(published, tmp_path / "out")
     report = json.loads((tmp_path / "out/report.json").read_text())
     assert "15 shapes, 1 pairs left out" in said and [one["pair"] for one in report["left_out"]] == ["video-1/0"]

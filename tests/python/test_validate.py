@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import torquer
 from batch_runs import ENVIRONMENT
+from torquer.importer._base import Progress
 from torquer.validate import fit as fits
 from torquer.validate import shapes
+from torquer.validate.__main__ import validate
 from torquer.validate.paths import Lumen
 
 WIRE = """[entry]
@@ -284,7 +286,7 @@ def command(tmp_path, *words):
     )
 
 
-def test_the_command_writes_tables_and_pictures(tmp_path, truth):
+def test_the_command_writes_tables_and_pictures(tmp_path, truth, monkeypatch):
     scene = tmp_path / "fork.toml"
     scene.write_text(FORK)
     beside = truth[1][:20] + [0, 40, 0]
@@ -309,12 +311,15 @@ def test_the_command_writes_tables_and_pictures(tmp_path, truth):
     # Nothing is overwritten.
     again = command(tmp_path, "--scene", scene, "--shapes", path, "--out", "result")
     assert again.returncode == 2 and "result: exists already; remove it" in again.stderr and "Traceback" not in again.stderr
+    far = write(tmp_path / "far.csv", {"far": truth[1] + 900})
     for words, said in (
-        (("--scene", "none.toml", "--shapes", path, "--out", "two"), "none.toml"),
-        (("--scene", scene, "--shapes", "none.csv", "--out", "two"), "none.csv: cannot be read"),
-        (("--scene", scene, "--shapes", path, "--out", "no/two"), "no/two: there is no folder"),
-        (("--scene", scene, "--shapes", write(tmp_path / "far.csv", {"far": truth[1] + 900}), "--out", "two"), "far.csv: no place of the lumen"),
+        (("none.toml", path, "two"), "none.toml"),
+        ((scene, "none.csv", "two"), "none.csv: cannot be read"),
+        ((scene, path, "no/two"), "no/two: there is no folder"),
+        ((scene, far, "two"), "far.csv: no place of the lumen"),
     ):
-        done = command(tmp_path, *words)
-        assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(torquer.Error) as refused:
+            validate(*map(str, words), Progress())
+        assert said in str(refused.value)
         assert not (tmp_path / "two").exists() and not list(tmp_path.glob(".two*"))
