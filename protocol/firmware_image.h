@@ -26,7 +26,12 @@ constexpr uint32_t kImageMagic = 0x57465154;
 /// Circuit of an image. A new pin assignment needs a new number.
 enum ImageBoard : uint8_t {
   kBoardBenchAtmega32u4 = 1,
+  kBoardTwoSensorsAtmega32u4 = 2,  ///< as board 1, and a sensor of the catheter
 };
+/// True for the numbers above.
+constexpr bool IsKnownBoard(uint8_t board) {
+  return board == kBoardBenchAtmega32u4 || board == kBoardTwoSensorsAtmega32u4;
+}
 
 /// Crystal and CPU clock in a byte: the crystal in MHz, and kHalfClock if the CPU runs at half of
 /// it. Programs that do not know this bit refuse the clock.

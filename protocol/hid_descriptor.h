@@ -49,13 +49,14 @@ constexpr uint8_t kHidReportDescriptor[] TORQUER_IN_FLASH = {
     TORQUER_REPORT_ITEMS(kCommandReportId, CommandReport, 0xb1),
     TORQUER_LONG_REPORT_ITEMS(kSromReportId, SromReport, 0xb1),
     TORQUER_LONG_REPORT_ITEMS(kPictureReportId, PictureReport, 0xb1),
+    TORQUER_REPORT_ITEMS(kSecondInputReportId, InputReport, 0x81),
     0xc0,                                            // End Collection
 };
 // clang-format on
 #undef TORQUER_REPORT_ITEMS
 #undef TORQUER_LONG_REPORT_ITEMS
 
-static_assert(sizeof(kHidReportDescriptor) == 73, "HID class descriptor carries this length");
+static_assert(sizeof(kHidReportDescriptor) == 81, "HID class descriptor carries this length");
 
 }  // namespace protocol
 }  // namespace torquer

@@ -24,6 +24,7 @@ enum ReportId : uint8_t {
   kCommandReportId = 5,
   kSromReportId = 6,
   kPictureReportId = 7,
+  kSecondInputReportId = 8,  ///< an InputReport of the second sensor, the catheter's
 };
 
 /// Bits of InputReport::flags.
@@ -54,7 +55,7 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
 
 // clang-format off
 #define TORQUER_INPUT_REPORT(FIELD)                                                                \
-  FIELD(uint8_t,  report_id,         "1")                                                          \
+  FIELD(uint8_t,  report_id,         "1; 8 from the second sensor")                                \
   FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
   FIELD(uint8_t,  flags,             "ReportFlag")                                                 \
   FIELD(uint8_t,  boot_id,           "changes at every reset of the device")                       \
@@ -80,11 +81,13 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
   FIELD(uint8_t,  sensor_revision,   "as the sensor reports it")                                   \
   FIELD(uint8_t,  crystal_mhz,       "8 or 16")                                                    \
   FIELD_ARRAY(char, serial, 16,      "ASCII, zero-padded; equals the USB serial string")           \
-  FIELD(uint8_t,  self_test,         "bit 0 application CRC, bit 1 settings, bit 2 sensor; 1 good")\
+  FIELD(uint8_t,  self_test,         "bit 0 application CRC, bit 1 settings, bit 2 sensor, bit 3 second sensor; 1 good") \
   FIELD(uint8_t,  board,             "ImageBoard; 0 from firmware before this field: 1")           \
   FIELD(uint8_t,  capabilities,      "Capability bits; 0 from firmware before this field")         \
   FIELD(uint8_t,  cpu_mhz,           "CPU clock, 8 or 16; 0 from firmware before this field: the crystal's") \
-  FIELD_ARRAY(uint8_t, spare, 4,     "0")
+  FIELD(uint8_t,  second_product_id, "second sensor's product id; 0 where there is none") \
+  FIELD(uint8_t,  second_revision,   "the same")                                                   \
+  FIELD_ARRAY(uint8_t, spare, 2,     "0")
 
 #define TORQUER_CONFIGURATION_REPORT(FIELD)                                                        \
   FIELD(uint8_t,  report_id,         "3")                                                          \
@@ -110,7 +113,11 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
   FIELD(uint16_t, joystick_rest_x,   "reading at rest, measured at the start; 512 if it was not")  \
   FIELD(uint16_t, joystick_rest_y,   "the same")                                                   \
   FIELD(uint16_t, supply_mv,         "the chip's supply, +-10 %, in steps of 20 mV; 0 unknown")    \
-  FIELD_ARRAY(uint8_t, spare, 8,     "0")
+  FIELD(uint16_t, second_faults,     "sensor_faults of the second sensor")                         \
+  FIELD(uint16_t, second_resets,     "sensor_resets of the second sensor")                         \
+  FIELD(uint8_t,  second_fault_cause, "sensor_fault_cause of the second sensor")                   \
+  FIELD(uint8_t,  second_observation, "sensor_observation of the second sensor")                   \
+  FIELD_ARRAY(uint8_t, spare, 2,     "0")
 
 #define TORQUER_COMMAND_REPORT(FIELD)                                                              \
   FIELD(uint8_t,  report_id,         "5")                                                          \
@@ -187,6 +194,7 @@ enum Capability : uint8_t {
   kCapabilitySupply = 1 << 1,        ///< DiagnosticsReport::supply_mv
   kCapabilitySrom = 1 << 2,          ///< SromReport, for the sensor that answers
   kCapabilityPicture = 1 << 3,       ///< PictureReport, for the sensor that answers
+  kCapabilitySecondSensor = 1 << 4,  ///< input reports with kSecondInputReportId
 };
 
 /// Values of DiagnosticsReport::sensor_fault_cause.

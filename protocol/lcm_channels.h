@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace torquer::protocol {
 
@@ -32,6 +33,9 @@ inline constexpr std::int32_t kLcmVersion = 3;
 
 /// Default name of an instrument.
 inline constexpr char kGuidewire[] = "guidewire";
+
+/// Name of the second sensor of a box, as a device with its own calibration and messages.
+inline std::string SecondSerial(const std::string& serial) { return serial + ".2"; }
 
 /// Number of the command after `sequence`, >= 0: one more, and zero after the largest.
 constexpr std::int64_t NextSequence(std::int64_t sequence) {

@@ -73,7 +73,8 @@ bool ApplicationIsWhole();
 
 // --- sensor bus: SPI mode 3, at most 2 MHz -----------------------------------------------------
 
-void SelectSensor(bool selected);
+/// Chip select of sensor 0, or 1 where the board has two.
+void SelectSensor(uint8_t sensor, bool selected);
 uint8_t TransferSpi(uint8_t byte);
 /// The same, at least `gap_us` (1 .. 100) after the previous byte of this function.
 uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us);

@@ -29,7 +29,7 @@ void ReadTrailer(protocol::ImageTrailer* trailer) {
 }
 
 bool Fits(const protocol::ImageTrailer& trailer) {
-  return trailer.board == protocol::kBoardBenchAtmega32u4 && trailer.clock == board::kClock &&
+  return trailer.board == board::kImageBoard && trailer.clock == board::kClock &&
          protocol::ImageIsWhole(trailer, ReadKicking);
 }
 

@@ -9,11 +9,13 @@
 #include "protocol/usb_ids.h"
 
 extern "C" {
-// Clocks that this image was built for; the emulator reads them.
+// Clocks and circuit that this image was built for; the emulator reads them.
 extern const uint32_t torquer_cpu_hz TORQUER_IN_FLASH;
 const uint32_t torquer_cpu_hz = F_CPU;
 extern const uint32_t torquer_crystal_hz TORQUER_IN_FLASH;
 const uint32_t torquer_crystal_hz = TORQUER_CRYSTAL_HZ;
+extern const uint8_t torquer_image_board TORQUER_IN_FLASH;
+const uint8_t torquer_image_board = torquer::board::kImageBoard;
 
 // The only vector: the bootloader uses no interrupts. It has no static variables, so the data that
 // the application keeps over a reset stay unchanged.

@@ -104,7 +104,7 @@ void Acknowledge() {
 // First bytes of a status report.
 constexpr uint8_t kStatusHead[] TORQUER_IN_FLASH = {protocol::kBootloaderStatusReportId,
                                                     protocol::kBootloaderProtocolVersion,
-                                                    protocol::kBoardBenchAtmega32u4, board::kClock};
+                                                    board::kImageBoard, board::kClock};
 static_assert(sizeof(kStatusHead) == offsetof(protocol::BootloaderStatusReport, trailer),
               "all before the trailer");
 

@@ -23,6 +23,7 @@ constexpr uint8_t kMostWaivedFrames = 8;
 constexpr uint8_t kApplicationGood = 1 << 0;
 constexpr uint8_t kSettingsGood = 1 << 1;
 constexpr uint8_t kSensorGood = 1 << 2;
+constexpr uint8_t kSecondSensorGood = 1 << 3;
 
 constexpr uint8_t kCapabilities = protocol::kCapabilityClosedAtRest | protocol::kCapabilitySupply;
 
@@ -34,8 +35,11 @@ constexpr uint8_t kButtonMask =
 void BenchFirmware::Start() {
   settings_.Load();
   ReadSerialNumber(serial_);
-  report_.SetBootId(NextBootId());
+  const uint8_t boot_id = NextBootId();
+  report_.SetBootId(boot_id);
+  second_report_.SetBootId(boot_id);
   sensor_.Start(settings_.cpi());
+  if (second_ != nullptr) second_->Start(settings_.cpi());
   joystick_.Start();
 }
 
@@ -78,8 +82,10 @@ void BenchFirmware::FollowBus() {
   if (suspended) {
     service_.Abandon();
     sensor_.Sleep();
+    if (second_ != nullptr) second_->Sleep();
   } else {
     sensor_.Wake();
+    if (second_ != nullptr) second_->Wake();
     joystick_.Start();
   }
 }
@@ -87,6 +93,7 @@ void BenchFirmware::FollowBus() {
 // One pass of a suspended device: pressing a button wakes the host, if the host has allowed it.
 void BenchFirmware::Doze() {
   sensor_.Maintain();
+  if (second_ != nullptr) second_->Maintain();
   const uint8_t held_before = buttons_.held();
   const uint8_t held = buttons_.Update(ReadContacts(), Buttons::kStableReadingsSuspended);
   const uint8_t pressed = static_cast<uint8_t>(held & ~held_before & kButtonMask);
@@ -100,21 +107,28 @@ uint8_t BenchFirmware::ReadContacts() const {
 
 void BenchFirmware::Frame() {
   const uint32_t sampled_us = board::NowUs();
-  sensor_.BeginRead();
+  const bool second = second_turn_;
+  second_turn_ = second_ != nullptr && !second_turn_;
+  MotionSensor& sensor = second ? *second_ : sensor_;
+  ReportBuilder& builder = second ? second_report_ : report_;
+  sensor.BeginRead();
   joystick_.BeginFrame();
   const uint8_t pins = ReadContacts();
   const uint8_t held = buttons_.Update(pins);
-  const MotionSample sample = sensor_.Read();
+  const MotionSample sample = sensor.Read();
   joystick_.EndFrame();
-  service_.Note(sample);
-  report_.Count(sample);
-  reference_.Update(pins & board::kReferenceSwitch, held & board::kReferenceSwitch,
-                    report_.axial_counts());
+  builder.Count(sample);
+  if (!second) {
+    service_.Note(sample);
+    reference_.Update(pins & board::kReferenceSwitch, held & board::kReferenceSwitch,
+                      report_.axial_counts());
+  }
 
+  const ReferenceSwitch none;  // the end switch is the first sensor's
   const uint16_t deadzone = settings_.deadzone();
-  const protocol::InputReport& report =
-      report_.Next(sampled_us, held & kButtonMask, joystick_.x().Report(deadzone),
-                   joystick_.y().Report(deadzone), sensor_.cpi(), reference_, sensor_.srom_lost());
+  const protocol::InputReport& report = builder.Next(
+      sampled_us, held & kButtonMask, joystick_.x().Report(deadzone),
+      joystick_.y().Report(deadzone), sensor.cpi(), second ? none : reference_, sensor.srom_lost());
   if (usb_.configured()) {
     usb_.SendInput(report);
     const uint32_t taken_us = board::NowUs() - frame_start_us_;
@@ -125,10 +139,10 @@ void BenchFirmware::Frame() {
 
   // Does one of the longer jobs per frame: a control request, a byte of the settings, or the
   // sensor's upkeep. A host that sends requests without a pause does not block the other jobs.
-  sensor_.SetCpi(settings_.cpi());
+  sensor.SetCpi(settings_.cpi());
   if (!usb_.Poll() || ++waived_frames_ >= kMostWaivedFrames) {
     waived_frames_ = 0;
-    if (!settings_.Poll()) sensor_.Maintain();
+    if (!settings_.Poll()) sensor.Maintain();
   }
   stack_headroom_ = board::StackHeadroom();
 }
@@ -146,9 +160,57 @@ void BenchFirmware::RunPendingCommand() {
 }
 
 uint8_t BenchFirmware::GetInputReport(uint8_t id, uint8_t* report) {
-  if (id != protocol::kInputReportId) return 0;
-  memcpy(report, &report_.newest(), sizeof(protocol::InputReport));
+  const bool second = id == protocol::kSecondInputReportId && second_ != nullptr;
+  if (id != protocol::kInputReportId && !second) return 0;
+  memcpy(report, second ? &second_report_.newest() : &report_.newest(),
+         sizeof(protocol::InputReport));
   return sizeof(protocol::InputReport);
+}
+
+uint8_t BenchFirmware::FillIdentity(protocol::IdentityReport& identity) const {
+  identity.firmware_major = kVersionMajor;
+  identity.firmware_minor = kVersionMinor;
+  identity.firmware_patch = kVersionPatch;
+  identity.sensor_product_id = sensor_.product_id();
+  identity.sensor_revision = sensor_.revision();
+  identity.crystal_mhz = protocol::CrystalMhz(board::ClockCode());
+  identity.cpu_mhz = protocol::CpuMhz(board::ClockCode());
+  identity.board = board::Board();
+  identity.capabilities = static_cast<uint8_t>(kCapabilities | service_.capabilities());
+  memcpy(identity.serial, serial_, kSerialBytes);
+  identity.self_test = static_cast<uint8_t>((board::ApplicationIsWhole() ? kApplicationGood : 0) |
+                                            (settings_.good() ? kSettingsGood : 0) |
+                                            (sensor_.running() ? kSensorGood : 0));
+  if (second_ != nullptr) {
+    identity.capabilities |= protocol::kCapabilitySecondSensor;
+    identity.second_product_id = second_->product_id();
+    identity.second_revision = second_->revision();
+    if (second_->running()) identity.self_test |= kSecondSensorGood;
+  }
+  return sizeof(identity);
+}
+
+uint8_t BenchFirmware::FillDiagnostics(protocol::DiagnosticsReport& diagnostics) const {
+  diagnostics.reset_reason = board::ResetReason();
+  diagnostics.srom_id = sensor_.srom_id();
+  diagnostics.sensor_faults = sensor_.restarts();
+  diagnostics.frames_missed = usb_.frames_missed();
+  diagnostics.settings_writes = settings_.writes();
+  diagnostics.stack_headroom = stack_headroom_;
+  diagnostics.longest_frame_us = longest_frame_us_;
+  diagnostics.sensor_resets = sensor_.self_resets();
+  diagnostics.sensor_fault_cause = sensor_.fault_cause();
+  diagnostics.sensor_observation = sensor_.observation();
+  diagnostics.joystick_rest_x = joystick_.x().rest();
+  diagnostics.joystick_rest_y = joystick_.y().rest();
+  diagnostics.supply_mv = joystick_.supply_mv();
+  if (second_ != nullptr) {
+    diagnostics.second_faults = second_->restarts();
+    diagnostics.second_resets = second_->self_resets();
+    diagnostics.second_fault_cause = second_->fault_cause();
+    diagnostics.second_observation = second_->observation();
+  }
+  return sizeof(diagnostics);
 }
 
 uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
@@ -156,23 +218,8 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
   report[0] = id;
   report[1] = protocol::kProtocolVersion;
   switch (id) {
-    case protocol::kIdentityReportId: {
-      protocol::IdentityReport& identity = *reinterpret_cast<protocol::IdentityReport*>(report);
-      identity.firmware_major = kVersionMajor;
-      identity.firmware_minor = kVersionMinor;
-      identity.firmware_patch = kVersionPatch;
-      identity.sensor_product_id = sensor_.product_id();
-      identity.sensor_revision = sensor_.revision();
-      identity.crystal_mhz = protocol::CrystalMhz(board::ClockCode());
-      identity.cpu_mhz = protocol::CpuMhz(board::ClockCode());
-      identity.board = board::Board();
-      identity.capabilities = static_cast<uint8_t>(kCapabilities | service_.capabilities());
-      memcpy(identity.serial, serial_, kSerialBytes);
-      identity.self_test = static_cast<uint8_t>(
-          (board::ApplicationIsWhole() ? kApplicationGood : 0) |
-          (settings_.good() ? kSettingsGood : 0) | (sensor_.running() ? kSensorGood : 0));
-      return sizeof(identity);
-    }
+    case protocol::kIdentityReportId:
+      return FillIdentity(*reinterpret_cast<protocol::IdentityReport*>(report));
     case protocol::kConfigurationReportId: {
       protocol::ConfigurationReport& configuration =
           *reinterpret_cast<protocol::ConfigurationReport*>(report);
@@ -181,24 +228,8 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
       configuration.closed_at_rest = settings_.closed_at_rest();
       return sizeof(configuration);
     }
-    case protocol::kDiagnosticsReportId: {
-      protocol::DiagnosticsReport& diagnostics =
-          *reinterpret_cast<protocol::DiagnosticsReport*>(report);
-      diagnostics.reset_reason = board::ResetReason();
-      diagnostics.srom_id = sensor_.srom_id();
-      diagnostics.sensor_faults = sensor_.restarts();
-      diagnostics.frames_missed = usb_.frames_missed();
-      diagnostics.settings_writes = settings_.writes();
-      diagnostics.stack_headroom = stack_headroom_;
-      diagnostics.longest_frame_us = longest_frame_us_;
-      diagnostics.sensor_resets = sensor_.self_resets();
-      diagnostics.sensor_fault_cause = sensor_.fault_cause();
-      diagnostics.sensor_observation = sensor_.observation();
-      diagnostics.joystick_rest_x = joystick_.x().rest();
-      diagnostics.joystick_rest_y = joystick_.y().rest();
-      diagnostics.supply_mv = joystick_.supply_mv();
-      return sizeof(diagnostics);
-    }
+    case protocol::kDiagnosticsReportId:
+      return FillDiagnostics(*reinterpret_cast<protocol::DiagnosticsReport*>(report));
     default:
       return 0;
   }
@@ -222,6 +253,7 @@ bool BenchFirmware::SetFeatureReport(const uint8_t* report, uint8_t size) {
       case protocol::kCommandZero:
         reference_.Shift(report_.axial_counts());
         report_.Zero();
+        second_report_.Zero();
         return true;
       case protocol::kCommandEnterBootloader:
       case protocol::kCommandReset:

@@ -17,9 +17,11 @@ namespace firmware {
 
 class BenchFirmware final : public ReportHandler {
  public:
-  /// `sensor_reports`: the long reports of `sensor`. All arguments must outlive this object.
-  BenchFirmware(MotionSensor& sensor, SensorReports& sensor_reports, UsbStack& usb)
-      : sensor_(sensor), service_(sensor_reports), usb_(usb) {}
+  /// `sensor_reports`: the long reports of `sensor`. `second`: the catheter's sensor; null if there
+  /// is none. All arguments must outlive this object.
+  BenchFirmware(MotionSensor& sensor, SensorReports& sensor_reports, UsbStack& usb,
+                MotionSensor* second = nullptr)
+      : sensor_(sensor), second_(second), service_(sensor_reports), usb_(usb) {}
 
   /// Call once, after the board is set up.
   void Start();
@@ -40,15 +42,19 @@ class BenchFirmware final : public ReportHandler {
   void Stream();
   void Doze();
   void RunPendingCommand();
+  uint8_t FillIdentity(protocol::IdentityReport& identity) const;
+  uint8_t FillDiagnostics(protocol::DiagnosticsReport& diagnostics) const;
 
   MotionSensor& sensor_;
+  MotionSensor* const second_;
   SensorReports& service_;
   UsbStack& usb_;
   Settings settings_;
   Joystick joystick_;
   Buttons buttons_;
   ReferenceSwitch reference_;
-  ReportBuilder report_;
+  ReportBuilder report_{protocol::kInputReportId};
+  ReportBuilder second_report_{protocol::kSecondInputReportId};
   char serial_[kSerialBytes] = {};
   uint32_t command_at_us_ = 0;
   uint32_t frame_start_us_ = 0;
@@ -57,6 +63,7 @@ class BenchFirmware final : public ReportHandler {
   uint8_t pending_command_ = 0;
   uint8_t waived_frames_ = 0;  // in a row, of the settings and of the sensor's upkeep
   bool suspended_ = false;
+  bool second_turn_ = false;  // the two sensors take turns, a frame each
 };
 
 }  // namespace firmware

@@ -11,6 +11,9 @@ namespace firmware {
 
 class Pmw3360 final : public MotionSensor {
  public:
+  /// `sensor` is that of board::SelectSensor().
+  explicit Pmw3360(uint8_t sensor = 0) : bus_(sensor) {}
+
   void Start(uint16_t cpi) override;
   void BeginRead() override;
   MotionSample Read() override;

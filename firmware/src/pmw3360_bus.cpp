@@ -23,28 +23,28 @@ void Pmw3360Bus::WaitUntilReady() {
 
 uint8_t Pmw3360Bus::Read(uint8_t address) {
   WaitUntilReady();
-  board::SelectSensor(true);
+  Select(true);
   board::TransferSpi(address);
   board::DelayUs(kAddressToData);
   const uint8_t value = board::TransferSpi(0);
-  board::SelectSensor(false);
+  Select(false);
   ready_at_us_ = board::NowUs() + kAfterRead;
   return value;
 }
 
 void Pmw3360Bus::Write(uint8_t address, uint8_t value) {
   WaitUntilReady();
-  board::SelectSensor(true);
+  Select(true);
   board::TransferSpi(address | kWriteBit);
   board::TransferSpi(value);
   board::DelayUs(kWriteToDeselect);
-  board::SelectSensor(false);
+  Select(false);
   ready_at_us_ = board::NowUs() + kAfterWrite;
 }
 
 void Pmw3360Bus::BeginMotion() {
   WaitUntilReady();
-  board::SelectSensor(true);
+  Select(true);
   board::TransferSpi(kMotionBurst);
   ready_at_us_ = board::NowUs() + kAddressToBurst;
 }
@@ -52,20 +52,20 @@ void Pmw3360Bus::BeginMotion() {
 void Pmw3360Bus::FinishMotion(uint8_t burst[kBurstBytes]) {
   WaitUntilReady();
   board::ReadSpi(burst, kBurstBytes);
-  board::SelectSensor(false);
+  Select(false);
   ready_at_us_ = board::NowUs() + kAfterBurst;
 }
 
 void Pmw3360Bus::BeginLongBurst(uint8_t address) {
   WaitUntilReady();
-  board::SelectSensor(true);
+  Select(true);
   board::TransferSpiAfter(address, kLongBurstByte);
   if (!(address & kWriteBit)) board::DelayUs(kAddressToData);
 }
 
 void Pmw3360Bus::EndLongBurst(uint16_t pause_us) {
   board::DelayUs(kLongBurstByte);
-  board::SelectSensor(false);
+  Select(false);
   ready_at_us_ = board::NowUs() + pause_us;
 }
 

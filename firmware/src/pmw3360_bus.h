@@ -11,6 +11,9 @@ namespace firmware {
 
 class Pmw3360Bus {
  public:
+  /// `sensor` is that of board::SelectSensor().
+  explicit Pmw3360Bus(uint8_t sensor) : sensor_(sensor) {}
+
   uint8_t Read(uint8_t address);
   void Write(uint8_t address, uint8_t value);
 
@@ -31,6 +34,9 @@ class Pmw3360Bus {
  private:
   void WaitUntilReady();
 
+  void Select(bool selected) const { board::SelectSensor(sensor_, selected); }
+
+  const uint8_t sensor_;
   uint32_t ready_at_us_ = 0;  // earliest next access, from the timing of the last one
 };
 

@@ -30,7 +30,6 @@ const protocol::InputReport& ReportBuilder::Next(uint32_t device_time_us, uint8_
                                                  uint16_t joystick_x, uint16_t joystick_y,
                                                  uint16_t cpi, const ReferenceSwitch& reference,
                                                  bool srom_lost) {
-  report_.report_id = protocol::kInputReportId;
   report_.protocol_version = protocol::kProtocolVersion;
   report_.flags =
       static_cast<uint8_t>(report_.flags | (reference.passed() ? protocol::kFlagReference : 0) |

@@ -12,6 +12,10 @@ namespace firmware {
 
 class ReportBuilder {
  public:
+  /// `id` is that of the reports: one for each sensor.
+  explicit ReportBuilder(protocol::ReportId id = protocol::kInputReportId) {
+    report_.report_id = id;
+  }
   void SetBootId(uint8_t boot_id) { report_.boot_id = boot_id; }
   /// Cumulative counts become zero.
   void Zero();

@@ -10,6 +10,11 @@ namespace torquer {
 namespace firmware {
 namespace {
 
+// A choice between constants: as a variable, the table would lie in the chip's RAM.
+constexpr uint16_t AddressOf(uint8_t slot) {
+  return slot == 0 ? protocol::kEepromSettingsAddress[0] : protocol::kEepromSettingsAddress[1];
+}
+
 constexpr uint8_t kMarker = 0xa1;  // layout 1
 constexpr uint8_t kNoMarker = 0xff;
 constexpr uint16_t kMinCpi = 100;
@@ -35,7 +40,7 @@ bool Settings::ReadCopy(uint8_t slot, Record* record, bool* blank) {
   uint8_t* bytes = reinterpret_cast<uint8_t*>(record);
   constexpr uint8_t kBytes = sizeof(Record);
   for (uint8_t i = 0; i < kBytes; ++i) {
-    bytes[i] = board::ReadEeprom(static_cast<uint16_t>(protocol::kEepromSettingsAddress[slot] + i));
+    bytes[i] = board::ReadEeprom(static_cast<uint16_t>(AddressOf(slot) + i));
     *blank = *blank && bytes[i] == 0xff;
   }
   return record->marker == kMarker &&
@@ -102,8 +107,7 @@ bool Settings::Poll() {
     const uint8_t offset = step_ == sizeof(Record) + 1 ? 0 : static_cast<uint8_t>(step_ - 1);
     const uint8_t wanted =
         step_ == 1 ? kNoMarker : reinterpret_cast<const uint8_t*>(&record_)[offset];
-    const uint16_t address =
-        static_cast<uint16_t>(protocol::kEepromSettingsAddress[slot_] + offset);
+    const uint16_t address = static_cast<uint16_t>(AddressOf(slot_) + offset);
     if (board::ReadEeprom(address) != wanted) {
       board::WriteEeprom(address, wanted);
       ++step_;

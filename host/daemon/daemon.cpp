@@ -37,6 +37,7 @@ Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::Rep
     : options_(std::move(options)),
       bus_(bus),
       source_(std::move(source)),
+      start_us_(bus::MonotonicUs()),
       health_(bus, "daemon"),
       instrument_claim_(options_.instrument, bus.url()) {
   health_.SetInstrument(options_.instrument);
@@ -51,25 +52,39 @@ Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::Rep
                              Describe(start.pose), source_->place()));
 }
 
-void Daemon::Run() {
-  const std::int64_t start_us = bus::MonotonicUs();
+void Daemon::Run(Daemon* beside) {
   service_manager_.Ready();
   try {
     while (!stop_) {
-      source_->Wait(kTickMs, [this](const device::SourceEvent& event) { OnEvent(event); });
-      const std::int64_t now_us = bus::MonotonicUs();
-      OnTick(now_us);
-      if (connections_ == 0 && now_us - start_us > kFirstDeviceS * 1000000LL) {
-        throw UserError(
-            fmt::format("no device: none found at {} for {} seconds; connect the bench device or "
-                        "start torquer-emulator, and check --source and --device",
-                        source_->place(), kFirstDeviceS));
-      }
+      Step(kTickMs);
+      if (beside != nullptr) beside->Step(0);
     }
   } catch (const std::exception& error) {
-    health_.Change("stopping", error.what(), Counters());
-    service_manager_.Status(error.what());
+    End(&error);
+    if (beside != nullptr) beside->End(&error);
     throw;
+  }
+  End(nullptr);
+  if (beside != nullptr) beside->End(nullptr);
+}
+
+void Daemon::Step(int timeout_ms) {
+  source_->Wait(timeout_ms, [this](const device::SourceEvent& event) { OnEvent(event); });
+  const std::int64_t now_us = bus::MonotonicUs();
+  OnTick(now_us);
+  if (connections_ == 0 && now_us - start_us_ > kFirstDeviceS * 1000000LL) {
+    throw UserError(
+        fmt::format("no device: none found at {} for {} seconds; connect the bench device or "
+                    "start torquer-emulator, and check --source and --device",
+                    source_->place(), kFirstDeviceS));
+  }
+}
+
+void Daemon::End(const std::exception* error) {
+  if (error != nullptr) {
+    health_.Change("stopping", error->what(), Counters());
+    service_manager_.Status(error->what());
+    return;
   }
   service_manager_.Stopping();
   Announce("stopping", "asked to stop");
@@ -121,15 +136,14 @@ void Daemon::OnTrouble(const std::string& text) {
 }
 
 void Daemon::Take(const device::SourceEvent& event) {
-  std::string serial;
+  device::DeviceIdentity identity;
   try {
-    const device::DeviceIdentity identity = device::ReadIdentity(*source_);
-    serial = identity.serial;
+    identity = device::ReadIdentity(*source_);
+    const std::string& serial = identity.serial;
     if (options_.calibration_by_serial && serial != device_) TakeCalibrationOf(serial);
     if (options_.calibration) {
       calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
-      calibration::RequireSensor(*options_.calibration, options_.calibration_path,
-                                 identity.sensor_product_id);
+      CheckSensor(identity);
       CheckResolution();
     }
   } catch (const device::DeviceGone&) {
@@ -140,6 +154,7 @@ void Daemon::Take(const device::SourceEvent& event) {
                     "missing or not Torquer's; {}",
                     event.text, error.what(), device::kFlashRemedy));
   }
+  const std::string& serial = identity.serial;
   // A replugged device has another address, so it needs a new claim.
   std::string claimed = event.text + " " + serial;
   if (claimed != claimed_) {
@@ -160,8 +175,13 @@ void Daemon::Take(const device::SourceEvent& event) {
   pipeline_->OnConnected();
   sensor_image_.OnConnected(serial);
   ++connections_;
+  const bool idle =
+      identity.has_second_sensor && source_->sensor() == 1 && !options_.second_sensor_used;
   Announce("running", connections_ == 1
-                          ? fmt::format("reading device {} at {}", serial, event.text)
+                          ? fmt::format("reading device {} at {}{}", serial, event.text,
+                                        idle ? "; its second sensor drives no instrument here "
+                                               "(--second-instrument)"
+                                             : "")
                           : fmt::format("device {} is connected again; continuing from {}; the "
                                         "motion of the hand in between is unknown",
                                         serial, Describe(pipeline_->Hold().pose)));
@@ -171,6 +191,33 @@ void Daemon::TakeCalibrationOf(const std::string& serial) {
   options_.calibration_path = calibration::CalibrationPath(serial);
   options_.calibration = calibration::ReadCalibration(options_.calibration_path);
   pipeline_.emplace(HandTracker(options_.calibration, pipeline_->Hold().pose));
+}
+
+// A sensor that has just got power does not answer yet.
+void Daemon::CheckSensor(const device::DeviceIdentity& identity) {
+  calibration::RequireSensor(*options_.calibration, options_.calibration_path,
+                             identity.sensor_product_id);
+  sensor_checked_ =
+      identity.sensor_product_id.has_value() || !options_.calibration->sensor_product_id;
+}
+
+// Before the first motion of a sensor that did not answer when the device was connected. False if
+// the device cannot be used.
+bool Daemon::CheckSensorOnceItAnswers(const device::SourceEvent& event) {
+  protocol::InputReport report{};
+  if (event.report.size() != sizeof report) return true;  // the decoder counts it
+  std::memcpy(&report, event.report.data(), sizeof report);
+  if ((report.flags & protocol::kFlagSensorFault) != 0) return true;
+  try {
+    CheckSensor(device::ReadIdentity(*source_));
+    return true;
+  } catch (const UserError& error) {
+    if (connections_ == 1) throw;
+    OnTrouble(error.what());
+    source_->LetGo("was let go");
+  } catch (const device::FeatureError&) {  // asked again with the next report
+  }
+  return false;
 }
 
 // Sets the device to the sensor resolution for which the calibration's gains hold.
@@ -206,6 +253,7 @@ void Daemon::CheckResolution() {
 }
 
 void Daemon::OnReport(const device::SourceEvent& event) {
+  if (!sensor_checked_ && !CheckSensorOnceItAnswers(event)) return;
   const std::optional<PipelineOutput> output = pipeline_->OnReport(event.report, event.host_us);
   if (!output) return;
   last_report_us_ = event.host_us;

@@ -16,6 +16,7 @@
 #include "host/daemon/sensor_image.h"
 #include "host/daemon/service_manager.h"
 #include "host/daemon/statistics.h"
+#include "host/device/device_identity.h"
 #include "host/device/report_source.h"
 
 namespace torquer::daemon {
@@ -26,6 +27,8 @@ struct DaemonOptions {
   std::optional<calibration::Calibration> calibration;  ///< nullopt: nominal gains
   /// Without a calibration: use the one that torquer-calibrate stored for the connected device.
   bool calibration_by_serial = false;
+  /// The second sensor of the box drives another instrument; else its presence is announced.
+  bool second_sensor_used = false;
   /// Gets the output for every report, with the device's serial number; may be empty.
   std::function<void(const std::string& device, const PipelineOutput& output)> observe;
   /// Gets each published state, also without a device; may be empty.
@@ -42,8 +45,10 @@ class Daemon {
 
   /// Reads and publishes until Stop(), then reports its end on the health channel. Throws UserError
   /// if no device is found within kFirstDeviceS, or if the first one cannot be used (firmware,
-  /// calibration, permission, in use by another daemon).
-  void Run();
+  /// calibration, permission, in use by another daemon). `beside` is null, or the daemon of the
+  /// box's second sensor, whose source does not read (sensor_view.h). It runs and ends with this
+  /// one.
+  void Run(Daemon* beside = nullptr);
 
   /// Makes Run() return. From any thread.
   void Stop();
@@ -57,6 +62,8 @@ class Daemon {
   static constexpr int kFirstDeviceS = 5;
 
  private:
+  void Step(int timeout_ms);
+  void End(const std::exception* error);
   void OnEvent(const device::SourceEvent& event);
   void Take(const device::SourceEvent& event);
   void OnTrouble(const std::string& text);
@@ -66,6 +73,8 @@ class Daemon {
   void OnTick(std::int64_t now_us);
 
   void TakeCalibrationOf(const std::string& serial);
+  void CheckSensor(const device::DeviceIdentity& identity);
+  bool CheckSensorOnceItAnswers(const device::SourceEvent& event);
   void CheckResolution();
   void Announce(const std::string& state, const std::string& message);
   void AnnounceMark(const MarkPassage& mark);
@@ -78,6 +87,7 @@ class Daemon {
   DaemonOptions options_;
   bus::Bus& bus_;
   std::unique_ptr<device::ReportSource> source_;
+  const std::int64_t start_us_;
   bus::HealthReporter health_;
   ServiceManager service_manager_;
   InstrumentClaim instrument_claim_;
@@ -87,7 +97,8 @@ class Daemon {
   SensorImage sensor_image_;
   std::string device_;  // serial number, once known
   bool connected_ = false;
-  std::string trouble_;  // last announced problem; cleared when a device is connected
+  bool sensor_checked_ = true;  // against the calibration; false until the sensor has answered
+  std::string trouble_;         // last announced problem; cleared when a device is connected
   bool silent_ = false;
   std::int64_t last_report_us_ = 0;
   std::int64_t last_hold_us_ = 0;

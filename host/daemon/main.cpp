@@ -34,6 +34,7 @@ struct Arguments {
   bool uncalibrated = false;
   std::string lcm_url;
   std::string instrument = torquer::protocol::kGuidewire;
+  std::string second_instrument;
   bool json = false;
   bool monitor = false;
   bool uinput = false;
@@ -55,6 +56,9 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("Bus");
   options.Text("--instrument", "NAME", arguments.instrument,
                "name of the instrument in the scene that the device drives");
+  options.Text("--second-instrument", "NAME", arguments.second_instrument,
+               "name of the instrument that the second sensor of the box drives, such as catheter; "
+               "its calibration is found by the serial number of the box with .2 added");
   options.Text(
       "--lcm-url", "URL", arguments.lcm_url,
       "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this machine");
@@ -87,8 +91,8 @@ sigset_t HandledSignals() {
 // before the first thread was created, so that no other thread receives them.
 class SignalThread {
  public:
-  explicit SignalThread(torquer::daemon::Daemon& daemon)
-      : thread_([this, &daemon] { Serve(daemon); }) {}
+  SignalThread(torquer::daemon::Daemon& daemon, torquer::daemon::Daemon* beside)
+      : thread_([this, &daemon, beside] { Serve(daemon, beside); }) {}
   ~SignalThread() {
     done_ = true;
     pthread_kill(thread_.native_handle(), SIGUSR1);
@@ -98,11 +102,12 @@ class SignalThread {
   SignalThread& operator=(const SignalThread&) = delete;
 
  private:
-  void Serve(torquer::daemon::Daemon& daemon) {
+  void Serve(torquer::daemon::Daemon& daemon, torquer::daemon::Daemon* beside) {
     const sigset_t signals = HandledSignals();
     for (int signal = 0; sigwait(&signals, &signal) == 0 && !done_;) {
       if (signal == SIGUSR1) {
         daemon.Home();
+        if (beside != nullptr) beside->Home();
       } else {
         daemon.Stop();
       }
@@ -113,7 +118,7 @@ class SignalThread {
   std::thread thread_;
 };
 
-void PrintStatistics(const torquer::daemon::Daemon& daemon) {
+nlohmann::ordered_json StatisticsOf(const torquer::daemon::Daemon& daemon) {
   const torquer::daemon::Statistics& statistics = daemon.statistics();
   nlohmann::ordered_json object;
   for (const auto& [name, value] : daemon.Counters()) object[name] = value;
@@ -122,7 +127,7 @@ void PrintStatistics(const torquer::daemon::Daemon& daemon) {
   object["report_to_command_max_us"] = statistics.max_us();
   object["cpu_percent_of_core"] = statistics.CpuPercent();
   object["wall_s"] = statistics.WallSeconds();
-  fmt::print("{}\n", object.dump());
+  return object;
 }
 
 int SendHome(const Arguments& arguments) {
@@ -136,13 +141,41 @@ int SendHome(const Arguments& arguments) {
   return torquer::kExitSuccess;
 }
 
-int RunDaemon(const Arguments& arguments) {
+void CheckTogether(const Arguments& arguments) {
   if (arguments.instrument.empty()) {
     throw UsageError("--instrument '': give the name of one of the scene's instruments");
   }
   if (!arguments.calibration.empty() && arguments.uncalibrated) {
     throw UsageError("--calibration and --uncalibrated exclude each other; give one");
   }
+  if (arguments.second_instrument.empty()) return;
+  if (arguments.source.sensor != 1) {
+    throw UsageError("--second-instrument and --sensor 2 exclude each other; give one");
+  }
+  if (arguments.source.is_mouse()) {
+    throw UsageError("--second-instrument: --source evdev has one sensor; start a second daemon");
+  }
+  if (!arguments.calibration.empty()) {
+    throw UsageError(
+        "--calibration is of one sensor; with --second-instrument leave it out, and both files are "
+        "found by the serial number");
+  }
+}
+
+// Daemon of the second sensor, whose reports come through `first`.
+std::unique_ptr<torquer::daemon::Daemon> MakeSecond(const Arguments& arguments,
+                                                    torquer::bus::Bus& bus,
+                                                    torquer::device::SensorView& first) {
+  if (arguments.second_instrument.empty()) return nullptr;
+  torquer::daemon::DaemonOptions options;
+  options.instrument = arguments.second_instrument;
+  options.calibration_by_serial = !arguments.uncalibrated;
+  return std::make_unique<torquer::daemon::Daemon>(
+      std::move(options), bus, std::make_unique<torquer::device::SensorView>(first));
+}
+
+int RunDaemon(const Arguments& arguments) {
+  CheckTogether(arguments);
   torquer::daemon::DaemonOptions options;
   options.instrument = arguments.instrument;
   options.calibration_by_serial = !arguments.uncalibrated && arguments.calibration.empty();
@@ -153,8 +186,10 @@ int RunDaemon(const Arguments& arguments) {
   // The threads that libusb and LCM start inherit this signal mask.
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::unique_ptr<torquer::device::ReportSource> source =
+  std::unique_ptr<torquer::device::SensorView> source =
       torquer::device::OpenSource(arguments.source);
+  torquer::device::SensorView& first = *source;
+  options.second_sensor_used = !arguments.second_instrument.empty();
   std::optional<torquer::daemon::DeviceMonitor> monitor;
   if (arguments.monitor) {
     monitor.emplace();
@@ -172,10 +207,15 @@ int RunDaemon(const Arguments& arguments) {
     torquer::EnterRealtime();  // before the bus, so that its thread is included
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));
-  const SignalThread signal_thread(daemon);
-  daemon.Run();
+  const std::unique_ptr<torquer::daemon::Daemon> beside = MakeSecond(arguments, bus, first);
+  const SignalThread signal_thread(daemon, beside.get());
+  daemon.Run(beside.get());
   monitor.reset();  // draws the last state
-  if (arguments.json) PrintStatistics(daemon);
+  if (arguments.json) {
+    nlohmann::ordered_json statistics = StatisticsOf(daemon);
+    if (beside) statistics["second"] = StatisticsOf(*beside);
+    fmt::print("{}\n", statistics.dump());
+  }
   return torquer::kExitSuccess;
 }
 

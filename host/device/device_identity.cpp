@@ -7,6 +7,7 @@
 
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::device {
 
@@ -45,7 +46,20 @@ DeviceIdentity ReadIdentity(ReportSource& source) {
   for (char& character : found.serial) {
     if (character < ' ' || character > '~') character = '?';
   }
-  if (identity.sensor_product_id != 0) found.sensor_product_id = identity.sensor_product_id;
+  found.has_second_sensor = (identity.capabilities & protocol::kCapabilitySecondSensor) != 0;
+  std::uint8_t product_id = identity.sensor_product_id;
+  if (source.sensor() == 2) {
+    if (!found.has_second_sensor) {
+      throw UserError(
+          fmt::format("the device '{}' has one sensor, and none for a second instrument; leave out "
+                      "--second-instrument and --sensor 2, or build the box with two sensors "
+                      "(hardware/README.md)",
+                      found.serial));
+    }
+    found.serial = protocol::SecondSerial(found.serial);
+    product_id = identity.second_product_id;
+  }
+  if (product_id != 0) found.sensor_product_id = product_id;
   return found;
 }
 

@@ -12,12 +12,14 @@ namespace torquer::device {
 inline constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
 
 struct DeviceIdentity {
-  std::string serial;                    ///< printable
+  std::string serial;                    ///< printable; of the second sensor: SecondSerial()
   std::optional<int> sensor_product_id;  ///< none if no sensor has answered yet
+  bool has_second_sensor = false;
 };
 
-/// Identity of the connected device. Throws UserError for firmware of another protocol version, and
-/// FeatureError or DeviceGone if the device does not answer.
+/// Identity of the connected device, for the source's sensor. Throws UserError for firmware of
+/// another protocol version and for a device without that sensor, and FeatureError or DeviceGone if
+/// the device does not answer.
 DeviceIdentity ReadIdentity(ReportSource& source);
 
 }  // namespace torquer::device

@@ -72,6 +72,9 @@ class ReportSource {
   /// Sends a feature report, report id first. Throws FeatureError.
   virtual void SetFeature(std::span<const std::uint8_t> report) = 0;
 
+  /// Sensor of the box whose reports these are: 1, or 2 for the catheter's (sensor_view.h).
+  virtual int sensor() const { return 1; }
+
   /// Place where the source looks for a device, for messages: "socket /run/x", "USB (1209:0001)".
   virtual std::string place() const = 0;
 };

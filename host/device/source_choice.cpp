@@ -17,15 +17,20 @@ void AddSourceOptions(Options& options, SourceChoice& choice) {
       "--device", "DEVICE", choice.devices,
       "device to read: with usb and hidraw its serial number, required when there are several "
       "devices; with evdev the file of the mouse in /dev/input, then that of the joystick");
+  options.Integer("--sensor", "N", choice.sensor, 1, 2,
+                  "sensor of a box that has two: 1 is the wire's, 2 the catheter's");
   options.Text("--socket", "PATH", choice.socket,
                "path of the emulator's socket, for --source socket", ValueKind::kFile);
 }
 
-std::unique_ptr<ReportSource> OpenSource(const SourceChoice& choice) {
-  if (choice.source == "socket") {
-    return std::make_unique<SocketSource>(choice.socket);
+namespace {
+
+std::shared_ptr<ReportSource> OpenBox(const SourceChoice& choice) {
+  if (choice.source == "socket") return std::make_shared<SocketSource>(choice.socket);
+  if (choice.source == "evdev") {
+    if (choice.sensor != 1) throw UsageError("--source evdev has one sensor; leave out --sensor");
+    return std::make_shared<EvdevSource>(choice.devices);
   }
-  if (choice.source == "evdev") return std::make_unique<EvdevSource>(choice.devices);
   if (choice.source.empty()) {
     throw UsageError("--source is missing; give usb, hidraw, evdev or socket");
   }
@@ -34,8 +39,14 @@ std::unique_ptr<ReportSource> OpenSource(const SourceChoice& choice) {
                      " reads one device; give --device once, with its serial number");
   }
   const std::string serial = choice.devices.empty() ? "" : choice.devices.front();
-  if (choice.source == "hidraw") return std::make_unique<HidrawSource>(serial);
-  return std::make_unique<UsbSource>(serial);
+  if (choice.source == "hidraw") return std::make_shared<HidrawSource>(serial);
+  return std::make_shared<UsbSource>(serial);
+}
+
+}  // namespace
+
+std::unique_ptr<SensorView> OpenSource(const SourceChoice& choice) {
+  return std::make_unique<SensorView>(OpenBox(choice), choice.sensor);
 }
 
 }  // namespace torquer::device

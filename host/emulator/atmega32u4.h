@@ -47,17 +47,20 @@ class FirmwareImage {
   /// The clocks that the image was built for, Hz: of the CPU, and of the crystal that feeds it.
   std::uint32_t cpu_hz() const { return cpu_hz_; }
   std::uint32_t crystal_hz() const { return crystal_hz_; }
+  /// Circuit that the image was built for (protocol::ImageBoard).
+  int board() const { return board_; }
   /// Changes the start value of an initialized 32-bit variable, and the image's CRC with it.
   void SetInitialValue(const std::string& variable, std::uint32_t value);
 
  private:
-  void ReadClocks();
+  void ReadBuild();
   std::uint32_t ClockNamed(const std::string& symbol) const;
   void SignAnew();
 
   std::string path_;
   std::uint32_t cpu_hz_ = 16000000;
   std::uint32_t crystal_hz_ = 16000000;
+  int board_ = 1;
   std::uint32_t boot_start_ = 0;
   std::vector<std::uint8_t> flash_;
   std::map<std::string, std::uint32_t> symbols_;

@@ -8,6 +8,7 @@ namespace torquer::emulator {
 
 void BenchChoice::Complete() {
   options.sensor.misalignment_rad = misalignment_deg * std::numbers::pi / 180.0;
+  options.sensor_kind = sensor == "pmw3389" ? SensorKind::kPmw3389 : SensorKind::kPmw3360;
   if (firmware == "none") {
     if (bootloader.empty()) {
       throw UsageError(
@@ -33,6 +34,9 @@ void AddBenchOptions(Options& options, BenchChoice& choice) {
   options.Text("--serial", "TEXT", choice.options.serial,
                "serial number to write to the EEPROM, 1 to 16 printable characters; without it the "
                "EEPROM stays unchanged");
+  options.Choice("--sensor", "PART", {"pmw3360", "pmw3389"}, choice.sensor, "the motion sensor");
+  options.Number("--supply-mv", "MV", choice.options.supply_mv, 2700, 5500,
+                 "supply of the chip, which the firmware measures");
   options.Number("--cylinder-radius-mm", "MM", choice.options.cylinder_radius_mm, 0.1, 1000,
                  "radius of the cylinder that the sensor observes");
   options.Number("--misalign-deg", "DEG", choice.misalignment_deg, -180, 180,

@@ -13,6 +13,7 @@ struct BenchChoice {
   std::string firmware;    ///< ELF file; "" after Complete(): none, the flash holds no application
   std::string bootloader;  ///< ELF file; "": none
   double misalignment_deg = 0.0;
+  std::string sensor = "pmw3360";  ///< or pmw3389
   BenchOptions options;
 
   /// Fills in what follows from the options given: the firmware of this build unless another is

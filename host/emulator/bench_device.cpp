@@ -8,6 +8,7 @@
 
 #include "host/support/error.h"
 #include "protocol/eeprom_layout.h"
+#include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
 
 namespace torquer::emulator {
@@ -16,6 +17,7 @@ namespace {
 // The wiring: the table in firmware/README.md.
 constexpr char kSensorSelectPort = 'B';
 constexpr int kSensorSelectBit = 6;
+constexpr int kSecondSelectBit = 5;
 struct ButtonWire {
   protocol::Button button;
   char port;
@@ -74,8 +76,14 @@ BenchDevice::BenchDevice(const FirmwareImage& image, const BenchOptions& options
   eeprom_.resize(Atmega32u4::kEepromBytes, 0xff);
   if (!options.serial.empty()) PutSerial(options.serial, &eeprom_);
   if (options.start_time_us) image_.SetInitialValue("torquer_clock_us", *options.start_time_us);
-  sensor_.SetOptics(options.optics);
-  sensor_.SetKind(options.sensor_kind);
+  if (image.board() == protocol::kBoardTwoSensorsAtmega32u4) {
+    second_sensor_ = std::make_unique<VirtualPmw3360>(options.sensor, options.seed + 1);
+  }
+  for (VirtualPmw3360* sensor : {&sensor_, second_sensor_.get()}) {
+    if (sensor == nullptr) continue;
+    sensor->SetOptics(options.optics);
+    sensor->SetKind(options.sensor_kind);
+  }
   PowerOn();
 }
 
@@ -95,17 +103,33 @@ void BenchDevice::PowerOn() {
     if (++page_operations_ == cut_at_page_operation_) cut_due_ = true;
   };
 
-  sensor_.PowerUp(0);
-  sensor_.SetSurface([this](double us) {
+  WireSensor(sensor_, kSensorSelectBit, false);
+  if (second_sensor_) WireSensor(*second_sensor_, kSecondSelectBit, true);
+  chip_->SetSpiSlave([this](const SpiExchange& exchange) { return ExchangeSpi(exchange); });
+  ApplyHand();
+}
+
+void BenchDevice::WireSensor(VirtualPmw3360& sensor, int select_bit, bool catheter) {
+  sensor.PowerUp(0);
+  sensor.SetSurface([this, catheter](double us) {
     const HandState hand = hand_((power_on_us_ + us) * 1e-6);
-    return VirtualPmw3360::Position{hand.insertion_mm,
-                                    hand.rotation_rad * options_.cylinder_radius_mm,
+    const double insertion_mm = catheter ? hand.catheter_insertion_mm : hand.insertion_mm;
+    const double rotation_rad = catheter ? hand.catheter_rotation_rad : hand.rotation_rad;
+    return VirtualPmw3360::Position{insertion_mm, rotation_rad * options_.cylinder_radius_mm,
                                     hand.raises ? options_.play_mm : 0.0};
   });
-  chip_->OnPin(kSensorSelectPort, kSensorSelectBit,
-               [this](bool high, double us) { sensor_.SetSelected(!high, us); });
-  chip_->SetSpiSlave([this](const SpiExchange& exchange) { return sensor_.Exchange(exchange); });
-  ApplyHand();
+  chip_->OnPin(kSensorSelectPort, select_bit,
+               [&sensor](bool high, double us) { sensor.SetSelected(!high, us); });
+}
+
+// A sensor that is not selected leaves the line alone, which is pulled up.
+std::uint8_t BenchDevice::ExchangeSpi(const SpiExchange& exchange) {
+  const std::uint8_t answer = sensor_.Exchange(exchange);
+  if (!second_sensor_) return answer;
+  if (sensor_.selected() && second_sensor_->selected()) {
+    past_violations_.emplace_back("SPI: both sensors are selected at once");
+  }
+  return answer & second_sensor_->Exchange(exchange);
 }
 
 void BenchDevice::PowerOff() {
@@ -116,6 +140,7 @@ void BenchDevice::PowerOff() {
   past_sleep_cycles_ += chip_->sleep_cycles();
   for (std::string& violation : chip_->Violations()) past_violations_.push_back(violation);
   sensor_.SetSelected(false, chip_->now_us());
+  if (second_sensor_) second_sensor_->SetSelected(false, chip_->now_us());
   chip_.reset();
 }
 
@@ -162,6 +187,7 @@ std::vector<std::uint8_t> BenchDevice::Eeprom() const {
 std::vector<std::string> BenchDevice::PartsAwake() const {
   std::vector<std::string> awake = chip_->PartsAwake();
   if (!sensor_.asleep()) awake.emplace_back("sensor");
+  if (second_sensor_ && !second_sensor_->asleep()) awake.emplace_back("second sensor");
   for (const Led& led : kLeds) {
     if (chip_->DrivenLevel(led.port, led.bit) == led.on_level) awake.emplace_back(led.name);
   }
@@ -181,13 +207,17 @@ std::vector<std::string> BenchDevice::Violations() const {
     const std::vector<std::string> current = chip_->Violations();
     all.insert(all.end(), current.begin(), current.end());
   }
-  all.insert(all.end(), sensor_.violations().begin(), sensor_.violations().end());
+  for (const VirtualPmw3360* sensor : {&sensor_, second_sensor()}) {
+    if (sensor == nullptr) continue;
+    all.insert(all.end(), sensor->violations().begin(), sensor->violations().end());
+  }
   return all;
 }
 
 std::int64_t BenchDevice::violation_count() const {
   const std::size_t chip = past_violations_.size() + (powered() ? chip_->Violations().size() : 0);
-  return static_cast<std::int64_t>(chip) + sensor_.violation_count();
+  const std::int64_t second = second_sensor_ ? second_sensor_->violation_count() : 0;
+  return static_cast<std::int64_t>(chip) + sensor_.violation_count() + second;
 }
 
 }  // namespace torquer::emulator

@@ -71,6 +71,9 @@ class BenchDevice {
   UsbController& usb() { return chip_->usb(); }
   VirtualPmw3360& sensor() { return sensor_; }
   const VirtualPmw3360& sensor() const { return sensor_; }
+  /// Sensor of the catheter; null on a board with one sensor.
+  VirtualPmw3360* second_sensor() { return second_sensor_.get(); }
+  const VirtualPmw3360* second_sensor() const { return second_sensor_.get(); }
 
   /// Cuts the supply during a page erase or page write. `number` counts these operations since the
   /// first power-on, from 1; 0: no cut.
@@ -95,11 +98,14 @@ class BenchDevice {
 
  private:
   void ApplyHand();
+  void WireSensor(VirtualPmw3360& sensor, int select_bit, bool catheter);
+  std::uint8_t ExchangeSpi(const SpiExchange& exchange);
 
   FirmwareImage image_;
   BenchOptions options_;
   std::function<HandState(double)> hand_ = [](double) { return HandState{}; };
   VirtualPmw3360 sensor_;
+  std::unique_ptr<VirtualPmw3360> second_sensor_;
   std::vector<Contact> contacts_;  // of the buttons, then the end switch
   std::unique_ptr<Atmega32u4> chip_;
   std::vector<std::uint8_t> eeprom_;  // while the power is off; the flash is in image_

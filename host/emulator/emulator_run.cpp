@@ -9,6 +9,7 @@
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
 #include "host/support/input_file.h"
+#include "protocol/hid_reports.h"
 
 namespace torquer::emulator {
 namespace {
@@ -95,6 +96,8 @@ HandState EmulatorRun::HandAt(double time_s) const {
 
 void EmulatorRun::Deliver(const std::vector<std::uint8_t>& report) {
   ++summary_.reports_sent;
+  const bool second = !report.empty() && report[0] == protocol::kSecondInputReportId;
+  ++(second ? sent_.catheter : sent_.wire);
   if (random_.Chance(options_.drop_probability)) {
     ++summary_.reports_dropped;
     return;
@@ -165,7 +168,7 @@ bus::HealthCounters EmulatorRun::Counters() const {
 
 void EmulatorRun::Publish() {
   const double now_s = device_.now_us() * 1e-6;
-  bus_->PublishTruth(device_, now_s, HandAt(now_s), summary_.reports_sent);
+  bus_->PublishTruth(device_, now_s, HandAt(now_s), sent_);
   if (!device_.powered()) {
     bus_->PublishHealth("unplugged", "the device is unplugged", Counters());
   } else if (!host_.ready()) {
@@ -209,6 +212,10 @@ RunSummary EmulatorRun::Run(const std::atomic<bool>& stop) {
   socket_.DeviceGone();
   summary_.axial_counts = device_.sensor().axial_counts();
   summary_.transverse_counts = device_.sensor().transverse_counts();
+  if (device_.second_sensor() != nullptr) {
+    summary_.catheter_axial_counts = device_.second_sensor()->axial_counts();
+    summary_.catheter_transverse_counts = device_.second_sensor()->transverse_counts();
+  }
   summary_.violations = device_.violation_count();
   summary_.violation_texts = device_.Violations();
   summary_.time_simulated_s = device_.now_us() * 1e-6;

@@ -48,6 +48,8 @@ struct RunSummary {
   std::int64_t reports_repeated = 0;
   std::int64_t axial_counts = 0;  ///< by the sensor
   std::int64_t transverse_counts = 0;
+  std::optional<std::int64_t> catheter_axial_counts;  ///< by the second sensor, if there is one
+  std::optional<std::int64_t> catheter_transverse_counts;
   std::int64_t violations = 0;  ///< of timing and of rules that hardware would punish
   std::vector<std::string> violation_texts;
   double time_simulated_s = 0;
@@ -93,6 +95,7 @@ class EmulatorRun {
   std::size_t resets_done_ = 0;
   std::int64_t frames_ = 0;
   std::int64_t next_frame_ns_ = 0;
+  LiveBus::Sent sent_;
   RunSummary summary_;
 };
 

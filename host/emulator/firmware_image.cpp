@@ -91,13 +91,16 @@ FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
       if (name && *name) symbols_[name] = static_cast<std::uint32_t>(symbol.st_value);
     }
   }
-  ReadClocks();
+  ReadBuild();
 }
 
-void FirmwareImage::ReadClocks() {
+void FirmwareImage::ReadBuild() {
   if (!HasSymbol("torquer_cpu_hz")) return;
   cpu_hz_ = ClockNamed("torquer_cpu_hz");
   crystal_hz_ = ClockNamed("torquer_crystal_hz");
+  if (!HasSymbol("torquer_image_board")) return;
+  const std::uint32_t address = Symbol("torquer_image_board");
+  if (address < flash_.size()) board_ = flash_[address];
 }
 
 std::uint32_t FirmwareImage::ClockNamed(const std::string& symbol) const {

@@ -32,20 +32,31 @@ HandState LiveHand::At(double time_s) const {
   if (time_s >= to_s_) return to_;
   const double share = std::max(0.0, (time_s - from_s_) / (to_s_ - from_s_));
   const auto between = [share](double from, double to) { return from + share * (to - from); };
-  return {between(from_.insertion_mm, to_.insertion_mm),
-          between(from_.rotation_rad, to_.rotation_rad), between(from_.joystick_x, to_.joystick_x),
-          between(from_.joystick_y, to_.joystick_y), to_.buttons};
+  HandState hand = to_;
+  for (const auto coordinate :
+       {&HandState::insertion_mm, &HandState::rotation_rad, &HandState::joystick_x,
+        &HandState::joystick_y, &HandState::catheter_insertion_mm,
+        &HandState::catheter_rotation_rad}) {
+    hand.*coordinate = between(from_.*coordinate, to_.*coordinate);
+  }
+  return hand;
 }
 
 LiveBus::LiveBus(const std::string& url) : bus_(url), health_(bus_, "emulator") {
   bus_.Subscribe<torquer_lcm::hand_motion_t>(
       protocol::kHandMotionChannel, [this](const torquer_lcm::hand_motion_t& motion) {
-        if (!motion.device.empty() && motion.device != serial_) return;  // another box's
+        const bool catheter = motion.device == protocol::SecondSerial(serial_);
+        if (!motion.device.empty() && motion.device != serial_ && !catheter) return;
         if (!IsValid(motion)) {
           ++refused_;
         } else if (hand_) {
-          hand_->Set(time_s_, {motion.insertion_mm, motion.rotation_rad, motion.joystick_x,
-                               motion.joystick_y, static_cast<std::uint8_t>(motion.buttons)});
+          HandState target = hand_->target();
+          (catheter ? target.catheter_insertion_mm : target.insertion_mm) = motion.insertion_mm;
+          (catheter ? target.catheter_rotation_rad : target.rotation_rad) = motion.rotation_rad;
+          target.joystick_x = motion.joystick_x;
+          target.joystick_y = motion.joystick_y;
+          target.buttons = static_cast<std::uint8_t>(motion.buttons);
+          hand_->Set(time_s_, target);
         }
       });
 }
@@ -58,7 +69,7 @@ void LiveBus::Service(double time_s, LiveHand* hand) {
 }
 
 void LiveBus::PublishTruth(const BenchDevice& device, double time_s, const HandState& hand,
-                           std::int64_t reports_sent) {
+                           const Sent& sent) {
   torquer_lcm::hand_motion_t truth{};
   truth.device = serial_;
   truth.clock_id = bus::ClockId();
@@ -69,9 +80,17 @@ void LiveBus::PublishTruth(const BenchDevice& device, double time_s, const HandS
   truth.joystick_x = hand.joystick_x;
   truth.joystick_y = hand.joystick_y;
   truth.buttons = static_cast<std::int8_t>(hand.buttons);
-  truth.reports_sent = reports_sent;
+  truth.reports_sent = sent.wire;
   truth.axial_counts = device.sensor().axial_counts();
   truth.transverse_counts = device.sensor().transverse_counts();
+  bus_.Publish(protocol::kEmulatorTruthChannel, truth);
+  if (device.second_sensor() == nullptr) return;
+  truth.device = protocol::SecondSerial(serial_);
+  truth.insertion_mm = hand.catheter_insertion_mm;
+  truth.rotation_rad = hand.catheter_rotation_rad;
+  truth.reports_sent = sent.catheter;
+  truth.axial_counts = device.second_sensor()->axial_counts();
+  truth.transverse_counts = device.second_sensor()->transverse_counts();
   bus_.Publish(protocol::kEmulatorTruthChannel, truth);
 }
 

@@ -19,6 +19,8 @@ class LiveHand {
   /// `time_s` is the emulator's own time of arrival.
   void Set(double time_s, const HandState& target);
   HandState At(double time_s) const;
+  /// Place that it goes to.
+  const HandState& target() const { return to_; }
 
  private:
   HandState from_, to_;
@@ -38,10 +40,15 @@ class LiveBus {
   /// Takes waiting messages that are for this box, or for any, into `hand`; never waits.
   void Service(double time_s, LiveHand* hand);
 
-  /// Publishes the true state of the hand and the sensor. Call it about 100 times a second and at
-  /// the end.
+  /// Numbers of reports sent since the start.
+  struct Sent {
+    std::int64_t wire = 0;
+    std::int64_t catheter = 0;
+  };
+  /// Publishes the true state of the hand and of each sensor. Call it about 100 times a second and
+  /// at the end.
   void PublishTruth(const BenchDevice& device, double time_s, const HandState& hand,
-                    std::int64_t reports_sent);
+                    const Sent& sent);
 
   /// Publishes when the state has changed or a second has passed.
   void PublishHealth(const std::string& state, const std::string& message,

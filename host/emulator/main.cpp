@@ -55,7 +55,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Text(
       "--motion", "FILE", run.motion,
       "CSV file of the hand's motion with the columns time_s, insertion_mm, rotation_rad, "
-      "joystick_x, joystick_y, buttons; without it the hand follows TORQUER_HAND_MOTION on LCM",
+      "joystick_x, joystick_y, buttons (and catheter_insertion_mm, catheter_rotation_rad for a "
+      "second sensor); without it the hand follows TORQUER_HAND_MOTION on LCM",
       ValueKind::kFile);
   options.Number("--duration", "S", run.duration_s, 0, kLongestS,
                  "duration of the motion to run; without it the run ends with the file");
@@ -122,6 +123,10 @@ void PrintSummary(const RunSummary& summary, bool json) {
     object["reports_repeated"] = summary.reports_repeated;
     object["axial_counts"] = summary.axial_counts;
     object["transverse_counts"] = summary.transverse_counts;
+    if (summary.catheter_axial_counts) {
+      object["catheter_axial_counts"] = *summary.catheter_axial_counts;
+      object["catheter_transverse_counts"] = *summary.catheter_transverse_counts;
+    }
     object["violations"] = summary.violations;
     object["time_simulated_s"] = summary.time_simulated_s;
     object["cycles_used_fraction"] = summary.cycles_used_fraction;

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "host/support/csv_table.h"
 #include "host/support/error.h"
@@ -11,7 +14,18 @@ namespace torquer::emulator {
 namespace {
 
 constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons";
-enum Column : std::size_t { kTime, kInsertion, kRotation, kJoystickX, kJoystickY, kButtons };
+const std::string kTwoHeader =
+    std::string(kHeader) + ",catheter_insertion_mm,catheter_rotation_rad";
+enum Column : std::size_t {
+  kTime,
+  kInsertion,
+  kRotation,
+  kJoystickX,
+  kJoystickY,
+  kButtons,
+  kCatheterInsertion,
+  kCatheterRotation
+};
 
 class RowReader {
  public:
@@ -21,7 +35,8 @@ class RowReader {
     throw UserError(path_ + ":" + std::to_string(row_.line) + ": " + what);
   }
 
-  double Number(Column column) const { return CsvNumber(path_, kHeader, row_, column); }
+  double Number(Column column) const { return CsvNumber(path_, kTwoHeader, row_, column); }
+  bool has_catheter() const { return row_.cells.size() > kCatheterInsertion; }
 
   double Deflection(Column column, const char* name) const {
     const double value = Number(column);
@@ -57,11 +72,20 @@ class RowReader {
   const CsvRow& row_;
 };
 
+// Rows of a file with either header.
+std::vector<CsvRow> RowsOf(const std::string& path) {
+  CsvTable table = ReadCsvTable(path);
+  std::string header;
+  for (const std::string& column : table.columns) header += (header.empty() ? "" : ",") + column;
+  if (header == kTwoHeader || header == kHeader) return std::move(table.rows);
+  return ReadCsv(path, kHeader);  // refuses the header
+}
+
 }  // namespace
 
 MotionScript MotionScript::FromFile(const std::string& path) {
   MotionScript script;
-  for (const CsvRow& cells : ReadCsv(path, kHeader)) {
+  for (const CsvRow& cells : RowsOf(path)) {
     const RowReader reader(path, cells);
     Row row;
     row.time_s = reader.Number(kTime);
@@ -70,6 +94,10 @@ MotionScript MotionScript::FromFile(const std::string& path) {
     row.hand.joystick_x = reader.Deflection(kJoystickX, "joystick_x");
     row.hand.joystick_y = reader.Deflection(kJoystickY, "joystick_y");
     row.hand.buttons = reader.Buttons();
+    if (reader.has_catheter()) {
+      row.hand.catheter_insertion_mm = reader.Number(kCatheterInsertion);
+      row.hand.catheter_rotation_rad = reader.Number(kCatheterRotation);
+    }
     if (row.time_s < 0) reader.Fail("time_s is " + cells.cells[kTime] + "; times begin at 0");
     if (!script.rows_.empty() && row.time_s <= script.rows_.back().time_s) {
       reader.Fail("time_s is " + cells.cells[kTime] +
@@ -95,6 +123,10 @@ HandState MotionScript::At(double time_s) const {
   HandState hand = from.hand;
   hand.insertion_mm += share * (after->hand.insertion_mm - hand.insertion_mm);
   hand.rotation_rad += share * (after->hand.rotation_rad - hand.rotation_rad);
+  hand.catheter_insertion_mm +=
+      share * (after->hand.catheter_insertion_mm - hand.catheter_insertion_mm);
+  hand.catheter_rotation_rad +=
+      share * (after->hand.catheter_rotation_rad - hand.catheter_rotation_rad);
   hand.joystick_x += share * (after->hand.joystick_x - hand.joystick_x);
   hand.joystick_y += share * (after->hand.joystick_y - hand.joystick_y);
   return hand;

@@ -15,6 +15,8 @@ struct HandState {
   double joystick_y = 0;
   std::uint8_t buttons = 0;  ///< protocol::Button bits
   bool raises = false;       ///< lifts the cylinder off the floor of its bore, by its whole play
+  double catheter_insertion_mm = 0;  ///< of the second cylinder, in a box with two sensors
+  double catheter_rotation_rad = 0;
 };
 
 class MotionScript {
@@ -22,9 +24,10 @@ class MotionScript {
   /// A hand that never moves.
   MotionScript() = default;
 
-  /// Reads `time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons`, one row a time, times
-  /// rising; `buttons` is `none`, empty, or names among xray, contrast, clutch joined by `+`.
-  /// Throws UserError naming file, line, the value and the remedy.
+  /// Reads `time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons`, and, for two sensors,
+  /// also `catheter_insertion_mm,catheter_rotation_rad`: one row a time, times rising; `buttons` is
+  /// `none`, empty, or names among xray, contrast, clutch joined by `+`. Throws UserError naming
+  /// file, line, the value and the remedy.
   static MotionScript FromFile(const std::string& path);
 
   /// Linear between rows; before the first and after the last it stands still. Buttons change at

@@ -48,6 +48,7 @@ class VirtualPmw3360 {
 
   /// --- pins ----------------------------------------------------------------------------------
   void SetSelected(bool selected, double now_us);
+  bool selected() const { return selected_; }
   std::uint8_t Exchange(const SpiExchange& exchange);
 
   /// --- what may happen to it -----------------------------------------------------------------

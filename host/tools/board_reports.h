@@ -16,7 +16,7 @@ namespace torquer::tools {
 
 /// Bits of IdentityReport::self_test.
 inline constexpr std::uint8_t kApplicationGood = 1 << 0, kSettingsGood = 1 << 1,
-                              kSensorGood = 1 << 2;
+                              kSensorGood = 1 << 2, kSecondSensorGood = 1 << 3;
 /// Interval between two looks at the boards.
 inline constexpr int kLookMs = 50;
 

@@ -142,18 +142,22 @@ FoundBoard BoardSearch::ExamineFirmware(const Board& board) {
   const auto link = boards_.Open(board);
   const auto identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
   found.serial = board.serial;
-  if (identity.board > protocol::kBoardBenchAtmega32u4) {
+  // Firmware from before this field is for board 1.
+  found.image_board =
+      identity.board != 0 ? int{identity.board} : int{protocol::kBoardBenchAtmega32u4};
+  if (!protocol::IsKnownBoard(static_cast<std::uint8_t>(found.image_board))) {
     throw UserError(fmt::format(
-        "{} at {}: its firmware is for board {}; this program supports board {}. Use the "
-        "torquer-flash of the release that the firmware is from.",
-        found.serial, Where(board), int{identity.board}, int{protocol::kBoardBenchAtmega32u4}));
+        "{} at {}: its firmware is for {}; this program supports {}. Use the torquer-flash of the "
+        "release that the firmware is from.",
+        found.serial, Where(board), BoardText(found.image_board), KnownBoardsText()));
   }
   found.crystal_mhz = identity.crystal_mhz;
   found.cpu_mhz = identity.cpu_mhz != 0 ? identity.cpu_mhz : identity.crystal_mhz;
   found.installed =
       FirmwareVersion{identity.firmware_major, identity.firmware_minor, identity.firmware_patch};
-  found.state = fmt::format("{} at {}, running firmware {} at {}", found.serial, Where(board),
-                            found.installed->Text(), ClockText(found.crystal_mhz, found.cpu_mhz));
+  found.state = fmt::format("{} at {}, running firmware {} for {} at {}", found.serial,
+                            Where(board), found.installed->Text(), BoardText(found.image_board),
+                            ClockText(found.crystal_mhz, found.cpu_mhz));
   if (!(identity.self_test & kApplicationGood)) found.state += ", which is damaged";
   return found;
 }
@@ -166,18 +170,19 @@ FoundBoard BoardSearch::ExamineBootloader(const Board& board) {
   found.serial = SerialOf(status);
   const std::string name = found.serial + " at " + Where(board);
   if (status.protocol_version != protocol::kBootloaderProtocolVersion ||
-      status.board != protocol::kBoardBenchAtmega32u4) {
+      !protocol::IsKnownBoard(status.board)) {
     throw UserError(
-        fmt::format("{}: its bootloader has version {} for board {}; this program supports version "
-                    "{} for board "
-                    "{}. Use the torquer-flash of the release that the bootloader is from.",
-                    name, int{status.protocol_version}, int{status.board},
-                    protocol::kBootloaderProtocolVersion, protocol::kBoardBenchAtmega32u4));
+        fmt::format("{}: its bootloader has version {} for {}; this program supports version {} "
+                    "for {}. Use the torquer-flash of the release that the bootloader is from.",
+                    name, int{status.protocol_version}, BoardText(status.board),
+                    protocol::kBootloaderProtocolVersion, KnownBoardsText()));
   }
+  found.image_board = status.board;
   found.crystal_mhz = protocol::CrystalMhz(status.clock);
   found.cpu_mhz = protocol::CpuMhz(status.clock);
-  found.state = fmt::format("{}, in our bootloader at {}, ", name,
-                            ClockText(found.crystal_mhz, found.cpu_mhz));
+  found.state =
+      fmt::format("{}, in our bootloader for {} at {}, ", name, BoardText(found.image_board),
+                  ClockText(found.crystal_mhz, found.cpu_mhz));
   if (status.application_valid) {
     found.installed = VersionOf(status.trailer);
     found.state += "with firmware " + found.installed->Text() + " ready to start";

@@ -12,6 +12,7 @@ namespace torquer::tools {
 struct FoundBoard {
   Board board;
   std::string serial;
+  int image_board = 0;                       ///< protocol::ImageBoard; 0: unknown
   int crystal_mhz = 0;                       ///< 0: unknown
   int cpu_mhz = 0;                           ///< 0: unknown
   std::optional<FirmwareVersion> installed;  ///< version of a valid application

@@ -297,6 +297,12 @@ int RunFocus(const Arguments& arguments) {
     throw torquer::UsageError("--focus: an ordinary mouse shows no picture; use the bench device");
   }
   if (!arguments.script.empty()) throw torquer::UsageError("--focus: leave out --script");
+  if (choice.sensor != 1) {
+    throw torquer::UsageError(
+        "--focus: only the first sensor sends pictures; exchange the chip selects of the two to "
+        "see "
+        "the other one's, and leave out --sensor 2");
+  }
   std::optional<torquer::tools::FocusSeries> series;
   if (arguments.shims_mm.has_value() == arguments.heights.empty()) {
     throw torquer::UsageError("--shims and --heights go together: give both, or neither");

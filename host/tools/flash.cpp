@@ -162,11 +162,14 @@ int Run(Arguments& arguments) {
   }
   const auto outcome = procedure.Run();
   if (outcome) {
-    fmt::print("firmware {} runs on {}; self-test: application {}, settings {}, sensor {}\n",
-               outcome->version.Text(), outcome->serial,
-               GoodOr(outcome->application_good, "damaged"),
-               GoodOr(outcome->settings_good, "lost, the defaults are in use"),
-               GoodOr(outcome->sensor_good, "does not answer: check its wiring"));
+    fmt::print(
+        "firmware {} runs on {}; self-test: application {}, settings {}, sensor {}{}\n",
+        outcome->version.Text(), outcome->serial, GoodOr(outcome->application_good, "damaged"),
+        GoodOr(outcome->settings_good, "lost, the defaults are in use"),
+        GoodOr(outcome->sensor_good, "does not answer: check its wiring"),
+        !outcome->second_sensor_good   ? ""
+        : *outcome->second_sensor_good ? ", second sensor good"
+                                       : ", second sensor does not answer: check its wiring");
     if (!outcome->supply_warning.empty()) {
       torquer::PrintError("torquer-flash: warning: {}\n", outcome->supply_warning);
     }

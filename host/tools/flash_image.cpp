@@ -80,6 +80,22 @@ std::string ClockText(int crystal_mhz, int cpu_mhz) {
              : fmt::format("{} MHz from a crystal of {} MHz", cpu_mhz, crystal_mhz);
 }
 
+std::string BoardText(int board) {
+  switch (board) {
+    case protocol::kBoardBenchAtmega32u4:
+      return "board 1 (one sensor)";
+    case protocol::kBoardTwoSensorsAtmega32u4:
+      return "board 2 (two sensors)";
+    default:
+      return fmt::format("board {}", board);
+  }
+}
+
+std::string KnownBoardsText() {
+  return BoardText(protocol::kBoardBenchAtmega32u4) + " and " +
+         BoardText(protocol::kBoardTwoSensorsAtmega32u4);
+}
+
 FirmwareVersion VersionOf(const ImageTrailer& trailer) {
   return {trailer.firmware_major, trailer.firmware_minor, trailer.firmware_patch};
 }
@@ -94,11 +110,12 @@ FlashImage FlashImage::FromFlash(std::span<const std::uint8_t> flash, const std:
     throw UserError(fmt::format(
         "{}: is not firmware of the bench device (it has no image trailer); {}", name, kRemedy));
   }
-  if (trailer->board != protocol::kBoardBenchAtmega32u4 || !IsKnownClock(trailer->clock)) {
-    throw UserError(fmt::format(
-        "{}: is for board {} with clock {}, ours is board {} with clock 8, 16 or {}; {}", name,
-        trailer->board, trailer->clock, protocol::kBoardBenchAtmega32u4, protocol::ClockCode(16, 8),
-        kRemedy));
+  if (!protocol::IsKnownBoard(trailer->board) || !IsKnownClock(trailer->clock)) {
+    throw UserError(
+        fmt::format("{}: is for {} with clock {}; this program supports {}, with clock 8, 16 or "
+                    "{}; {}",
+                    name, BoardText(trailer->board), trailer->clock, KnownBoardsText(),
+                    protocol::ClockCode(16, 8), kRemedy));
   }
   if (!protocol::ImageIsWhole(*trailer, [flash](std::uint16_t at) { return flash[at]; })) {
     throw UserError(fmt::format(

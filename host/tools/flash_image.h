@@ -22,9 +22,14 @@ struct FirmwareVersion {
 /// Clock for messages: "16 MHz", or "8 MHz from a crystal of 16 MHz".
 std::string ClockText(int crystal_mhz, int cpu_mhz);
 
+/// Board for messages: "board 2 (two sensors)"; a number alone if it is unknown.
+std::string BoardText(int board);
+/// Boards that this program supports, for messages.
+std::string KnownBoardsText();
+
 FirmwareVersion VersionOf(const protocol::ImageTrailer& trailer);
 
-/// Complete image with a correct CRC for our board.
+/// Complete image with a correct CRC for one of our boards.
 class FlashImage {
  public:
   /// Reads a file. Throws UserError with file, line and remedy if it has no such image.
@@ -34,6 +39,7 @@ class FlashImage {
 
   const protocol::ImageTrailer& trailer() const { return trailer_; }
   FirmwareVersion version() const { return VersionOf(trailer_); }
+  int board() const { return trailer_.board; }  ///< protocol::ImageBoard
   int crystal_mhz() const { return protocol::CrystalMhz(trailer_.clock); }
   int cpu_mhz() const { return protocol::CpuMhz(trailer_.clock); }
   /// Pages of the application, from address 0.

@@ -48,6 +48,15 @@ std::string BootloaderRefuses(int its_mhz, int image_mhz) {
       image_mhz, its_mhz);
 }
 
+std::string BoardRefused(int its_board, int image_board) {
+  return fmt::format(
+      "the image is for {}, but this is {}, whose pins differ. Nothing was changed. Use another "
+      "image. If the wiring was changed: install the other bootloader by ISP "
+      "(firmware/bootloader/README.md), or reset the board into Arduino's bootloader, and name the "
+      "image.",
+      BoardText(image_board), BoardText(its_board));
+}
+
 void WritePage(FeatureLink& link, const FlashImage& image, int index) {
   PageReport report{protocol::kPageReportId, 0, image.PageAddress(index), {}};
   const std::vector<std::uint8_t> page = image.Page(index);
@@ -174,13 +183,18 @@ FlashImage FlashProcedure::LoadImage(const FoundBoard& found) const {
         "torquer-firmware-8mhz.hex for 8 MHz.");
   }
   const bool half = found.cpu_mhz != 0 && found.cpu_mhz != found.crystal_mhz;
-  const std::string name = found.crystal_mhz == 8 ? "torquer-firmware-8mhz.hex"
-                           : half                 ? "torquer-firmware-16to8mhz.hex"
-                                                  : "torquer-firmware.hex";
+  const bool two = found.image_board == protocol::kBoardTwoSensorsAtmega32u4;
+  const std::string name = fmt::format("torquer-firmware{}{}.hex", two ? "-two-sensors" : "",
+                                       found.crystal_mhz == 8 ? "-8mhz"
+                                       : half                 ? "-16to8mhz"
+                                                              : "");
   return FlashImage::FromFile(std::filesystem::path(request_.image_folder) / name);
 }
 
 void FlashProcedure::CheckFits(const FoundBoard& found, const FlashImage& image) const {
+  if (found.image_board != 0 && found.image_board != image.board()) {
+    throw UserError(BoardRefused(found.image_board, image.board()));
+  }
   if (found.crystal_mhz != 0 && found.crystal_mhz != image.crystal_mhz()) {
     throw UserError(
         fmt::format("the image is for a crystal of {} MHz, but this board has {} MHz, so USB would "
@@ -295,6 +309,10 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
   try {
     const auto link = boards_.Open(board);
     const auto status = Get<BootloaderStatusReport>(*link, protocol::kBootloaderStatusReportId);
+    if (status.board != image.board()) {
+      Command(*link, protocol::kBootloaderRestart);
+      throw UserError(BoardRefused(status.board, image.board()));
+    }
     if (status.clock != image.trailer().clock) {
       Command(*link, protocol::kBootloaderRestart);
       throw UserError(BootloaderRefuses(protocol::CpuMhz(status.clock), image.cpu_mhz()));
@@ -381,6 +399,9 @@ FlashOutcome FlashProcedure::ReadSelfTest(const FoundBoard& before, const FlashI
   outcome.application_good = identity.self_test & kApplicationGood;
   outcome.settings_good = identity.self_test & kSettingsGood;
   outcome.sensor_good = identity.self_test & kSensorGood;
+  if (identity.capabilities & protocol::kCapabilitySecondSensor) {
+    outcome.second_sensor_good = (identity.self_test & kSecondSensorGood) != 0;
+  }
   if (outcome.version != image.version() || !outcome.application_good) {
     throw FlashUnfinished(fmt::format(
         "{}: firmware {} answers, its own CRC check {}, but firmware {} was written. {}",

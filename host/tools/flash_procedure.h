@@ -16,7 +16,7 @@
 namespace torquer::tools {
 
 struct FlashRequest {
-  std::string image;         ///< image file; empty: the one in `image_folder` for the board's clock
+  std::string image;         ///< image file; empty: the one in `image_folder` for board and clock
   std::string image_folder;  ///< folder with the images of the build
   std::string device;        ///< serial number; empty: the only connected board
   /// Serial port of a board in Caterina, or of one with an Arduino program that may be overwritten;
@@ -55,6 +55,7 @@ struct FlashOutcome {
   bool application_good = false;
   bool settings_good = false;
   bool sensor_good = false;
+  std::optional<bool> second_sensor_good;  ///< none on a board with one sensor
   std::string supply_warning;  ///< a supply too low for the CPU's clock, with the remedy; or empty
 };
 

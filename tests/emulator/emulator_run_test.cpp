@@ -328,6 +328,8 @@ TEST_CASE("the program refuses unusable input, with status 2 and a reason") {
       {{"--lift-at", "3"}, "2.5:0.3"},
       {{"--scale", "big"}, "big"},
       {{"--laser"}, "--laser"},
+      {{"--sensor", "adns9800"}, "is not one of pmw3360, pmw3389"},
+      {{"--supply-mv", "9000"}, "--supply-mv"},
       {{"--serial", "a b"}, "a b"},
   };
   const test::TemporaryFolder folder;

@@ -33,7 +33,7 @@ constexpr int kStackReserve = 512;
 constexpr double kAwakeLimitUs = 800;  // in any frame: real silicon has a fifth in reserve
 constexpr int kFramesARequest = 50;
 constexpr double kSpeed_mm_s = 1000;
-constexpr double kRest_s = 0.5;
+constexpr double kRest_s = 0.6;  // two sensors take turns at their start, too
 
 struct Budget {
   std::string image;
@@ -70,19 +70,23 @@ Budget Measure(const std::string& name, double seconds) {
     HandState hand;
     hand.insertion_mm = kSpeed_mm_s * std::clamp(time_s - kRest_s, 0.0, seconds);
     hand.rotation_rad = -hand.insertion_mm / 200;
+    hand.catheter_insertion_mm = -hand.insertion_mm;
+    hand.catheter_rotation_rad = hand.insertion_mm / 300;
     return hand;
   });
   UsbHost host(device);
   Budget budget;
-  protocol::InputReport last{};
+  protocol::InputReport last{}, second{};  // of each sensor
   host.wants_input = [] { return true; };
   host.on_input = [&](const std::vector<std::uint8_t>& packet) {
     protocol::InputReport report;
     std::memcpy(&report, packet.data(), sizeof(report));
-    if (budget.reports++ > 0) {
-      budget.lost += static_cast<std::uint16_t>(report.sequence - last.sequence - 1);
+    protocol::InputReport& before = report.report_id == protocol::kInputReportId ? last : second;
+    ++budget.reports;
+    if (before.report_id != 0) {
+      budget.lost += static_cast<std::uint16_t>(report.sequence - before.sequence - 1);
     }
-    last = report;
+    before = report;
   };
   if (!host.RunUntilReady()) throw std::runtime_error(name + ": not enumerated");
   const double end_us = (kRest_s + seconds + 0.1) * 1e6;
@@ -119,6 +123,12 @@ Budget Measure(const std::string& name, double seconds) {
       std::llabs(last.axial_counts - wrapped(budget.axial_counts)) +
       std::llabs(last.transverse_counts - wrapped(device.sensor().transverse_counts())) +
       std::llabs(budget.axial_counts - nominal);
+  if (const VirtualPmw3360* sensor = device.second_sensor(); sensor != nullptr) {
+    budget.count_error +=
+        std::llabs(second.axial_counts - wrapped(sensor->axial_counts())) +
+        std::llabs(second.transverse_counts - wrapped(sensor->transverse_counts())) +
+        std::llabs(sensor->axial_counts() + nominal);
+  }
   budget.violations = device.violation_count();
   budget.within =
       budget.flash_bytes <= kFlashBytes &&
@@ -176,7 +186,9 @@ int main(int argc, char** argv) {
   return program.Main(argc, argv, [&] {
     bool within = true;
     for (const char* name :
-         {"torquer-firmware", "torquer-firmware-8mhz", "torquer-firmware-16to8mhz"}) {
+         {"torquer-firmware", "torquer-firmware-8mhz", "torquer-firmware-16to8mhz",
+          "torquer-firmware-two-sensors", "torquer-firmware-two-sensors-8mhz",
+          "torquer-firmware-two-sensors-16to8mhz"}) {
       const Budget budget = Measure(name, seconds);
       json ? PrintJson(budget) : PrintText(budget);
       std::fflush(stdout);

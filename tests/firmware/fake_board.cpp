@@ -53,7 +53,7 @@ void ReadChipSerial(std::uint8_t serial[10]) {
 std::uint8_t ReadFlash(const std::uint8_t* address) { return *address; }
 bool ApplicationIsWhole() { return Fake().application_is_whole; }
 
-void SelectSensor(bool selected) {
+void SelectSensor(std::uint8_t /*sensor*/, bool selected) {
   Fake().selected = selected;
   Fake().first_byte = true;
 }

@@ -2,6 +2,7 @@
 // a PMW3360. These parts do not use packets of endpoint 0, nor the SPI.
 #include <catch2/catch.hpp>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <functional>
@@ -55,8 +56,8 @@ class OtherSensor final : public MotionSensor {
   void BeginRead() override {}
   MotionSample Read() override {
     MotionSample sample;
-    sample.delta_x = -2;
-    sample.delta_y = 1;
+    sample.delta_x = x;
+    sample.delta_y = y;
     sample.fault = asleep;
     if (asleep) sample.delta_x = sample.delta_y = 0;
     return sample;
@@ -76,6 +77,7 @@ class OtherSensor final : public MotionSensor {
   uint8_t srom_id() const override { return 0; }
   bool srom_lost() const override { return false; }
 
+  int16_t x = -2, y = 1;  // counts of a reading
   int maintained = 0;
   bool asleep = false;
 
@@ -99,7 +101,8 @@ class NoSensorReports final : public SensorReports {
 };
 
 struct OtherBoard {
-  OtherBoard() {
+  explicit OtherBoard(MotionSensor* second = nullptr)
+      : firmware(sensor, sensor_reports, usb, second) {
     NewBoard();
     firmware.Start();
   }
@@ -135,7 +138,7 @@ struct OtherBoard {
   OtherSensor sensor;
   NoSensorReports sensor_reports;
   ReportStack usb{firmware, sensor_reports};
-  BenchFirmware firmware{sensor, sensor_reports, usb};
+  BenchFirmware firmware;
 };
 
 TEST_CASE("on another board, each frame sends a report with the motion of another sensor") {
@@ -175,6 +178,63 @@ TEST_CASE("on another board, reports name the sensor and its capabilities") {
   CHECK_FALSE(other.usb.long_reports().BeginRead(protocol::kPictureReportId));
   CHECK_FALSE(
       other.usb.long_reports().BeginWrite(protocol::kSromReportId, sizeof(protocol::SromReport)));
+}
+
+TEST_CASE("two sensors take turns, each with its reports, counts and upkeep") {
+  OtherSensor second;
+  second.x = -20, second.y = 10;
+  OtherBoard other(&second);
+  for (int i = 0; i < 100; ++i) other.Frame();
+  REQUIRE(other.usb.sent.size() == 100);
+  for (std::size_t i = 0; i < 100; ++i) {
+    const protocol::InputReport& report = other.usb.sent[i];
+    CHECK(report.report_id ==
+          (i % 2 == 0 ? protocol::kInputReportId : protocol::kSecondInputReportId));
+    CHECK(report.sequence == i / 2 + 1);
+    CHECK(report.axial_counts == static_cast<int>((i / 2 + 1) * (i % 2 == 0 ? 1 : 10)));
+    CHECK(report.boot_id == other.usb.sent[0].boot_id);
+  }
+  CHECK(std::abs(other.sensor.maintained - second.maintained) <= 2);
+  std::uint8_t report[ReportHandler::kCapacity];
+  CHECK(other.firmware.GetInputReport(protocol::kSecondInputReportId, report) == 32);
+  CHECK(std::memcmp(report, &other.usb.sent[99], 32) == 0);
+
+  const auto identity = other.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+  CHECK((identity.capabilities & protocol::kCapabilitySecondSensor) != 0);
+  CHECK(identity.second_product_id == 0x51);
+  CHECK(identity.second_revision == 9);
+  CHECK((identity.self_test & 12) == 12);
+  const auto diagnostics = other.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  CHECK(diagnostics.second_faults == 4);
+  CHECK(diagnostics.second_resets == 2);
+  CHECK(diagnostics.second_fault_cause == protocol::kSensorFrozen);
+  CHECK(other.Set(test::ConfigurationOf(3200, 30)));
+  for (int i = 0; i < 100; ++i) other.Frame();
+  CHECK(second.cpi() == 3200);
+  CHECK(other.Set(test::CommandOf(protocol::kCommandZero)));
+  other.Frame();
+  other.Frame();
+  CHECK(other.usb.sent.back().axial_counts < 100);
+
+  board().bus_suspended = true;
+  for (int i = 0; i < 5; ++i) other.firmware.Step();
+  CHECK(second.asleep);
+  board().bus_suspended = false;
+  other.firmware.Step();
+  CHECK_FALSE(second.asleep);
+}
+
+TEST_CASE("a board with one sensor sends and answers nothing of a second") {
+  OtherBoard other;
+  for (int i = 0; i < 20; ++i) other.Frame();
+  for (const protocol::InputReport& report : other.usb.sent) {
+    CHECK(report.report_id == protocol::kInputReportId);
+  }
+  std::uint8_t report[ReportHandler::kCapacity];
+  CHECK(other.firmware.GetInputReport(protocol::kSecondInputReportId, report) == 0);
+  const auto identity = other.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+  CHECK((identity.capabilities & protocol::kCapabilitySecondSensor) == 0);
+  CHECK(identity.second_product_id == 0);
 }
 
 TEST_CASE("on another board, no packet and no byte of the SPI is used, and suspend works") {

@@ -63,6 +63,15 @@ TEST_CASE("the image that the build made is taken, page for page") {
   }
 }
 
+TEST_CASE("an image names its board") {
+  CHECK(FlashImage::FromFile(kHex).board() == protocol::kBoardBenchAtmega32u4);
+  for (const std::string clock : {"", "-8mhz", "-16to8mhz"}) {
+    const FlashImage image = FlashImage::FromFile(
+        torquer::test::FirmwarePath("torquer-firmware-two-sensors" + clock + ".hex"));
+    CHECK(image.board() == protocol::kBoardTwoSensorsAtmega32u4);
+  }
+}
+
 TEST_CASE("a written file reads back") {
   const torquer::test::TemporaryFolder folder;
   const FlashImage image = FlashImage::FromFile(kHex);
@@ -107,8 +116,10 @@ TEST_CASE("an image for another circuit, or with other bytes than its checksum i
   const std::vector<std::uint8_t> good = torquer::tools::ReadHexFile(kHex);
   CHECK(RefusalOfFlash(good) == "taken");
   std::vector<std::uint8_t> flash = good;
-  flash[protocol::kImageTrailerAddress + 6] = 2;
-  CHECK_THAT(RefusalOfFlash(flash), Contains("for board 2"));
+  flash[protocol::kImageTrailerAddress + 6] = 3;
+  CHECK_THAT(RefusalOfFlash(flash), Contains("for board 3 with") &&
+                                        Contains("board 1 (one sensor)") &&
+                                        Contains("board 2 (two sensors)"));
   flash = good;
   flash[protocol::kImageTrailerAddress + 7] = 12;
   CHECK_THAT(RefusalOfFlash(flash), Contains("clock 12"));

@@ -11,6 +11,7 @@ using Catch::Matchers::Contains;
 using torquer::UserError;
 using torquer::emulator::BenchOptions;
 using torquer::emulator::ControlResult;
+using torquer::emulator::FirmwareImage;
 using torquer::test::Bootloader;
 using torquer::test::EmulatedBoards;
 using torquer::test::kNewHex;
@@ -37,7 +38,7 @@ void CheckInstalled(const EmulatedBoards& boards, const std::string& hex) {
 TEST_CASE("the first firmware comes onto a board that has the bootloader alone") {
   BenchOptions options;
   options.serial = "FIRST-1";
-  for (const std::string suffix : {"", "-8mhz", "-16to8mhz"}) {
+  for (const std::string suffix : {"", "-8mhz", "-16to8mhz", "-two-sensors"}) {
     EmulatedBoards boards(Bootloader(suffix), options);
     CHECK(boards.Start() == BoardMode::kBootloader);
     const auto outcome =
@@ -49,6 +50,8 @@ TEST_CASE("the first firmware comes onto a board that has the bootloader alone")
     CHECK(outcome->application_good);
     CHECK(outcome->settings_good);
     CHECK(outcome->sensor_good);
+    CHECK(outcome->second_sensor_good ==
+          (suffix == "-two-sensors" ? std::optional(true) : std::nullopt));
     boards.device.PowerOff();
     CHECK(boards.Start() == BoardMode::kFirmware);
     boards.CheckRules();
@@ -96,6 +99,35 @@ TEST_CASE("an image for another clock is refused, forced or not") {
   CheckInstalled(boards, kOldHex);
 }
 
+TEST_CASE("an image for another board is refused, forced or not") {
+  const std::string two = torquer::test::FirmwarePath("torquer-firmware-two-sensors.hex");
+  EmulatedBoards boards(WithApplication());
+  BoardMode mode = boards.Start();
+  SECTION("by the running firmware's word") {}
+  SECTION("by the bootloader's") { mode = boards.ResetByPin(); }
+  FlashRequest request;
+  request.force = true;
+  CHECK_THAT(MessageOf<UserError>([&] { boards.Flash(two, request); }),
+             Contains("is for board 2 (two sensors)") && Contains("this is board 1 (one sensor)") &&
+                 Contains("Nothing was changed") && Contains("install the other bootloader"));
+  CHECK(boards.Mode() == mode);
+  CHECK(boards.device.page_operations() == 0);
+}
+
+TEST_CASE("a bootloader of another board than the firmware's is seen before a page is written") {
+  EmulatedBoards boards(
+      FirmwareImage::Load(torquer::test::FirmwarePath("torquer-firmware-two-sensors.elf"),
+                          torquer::test::FirmwarePath("torquer-bootloader.elf")));
+  // Our bootloader does not start the image of another board.
+  CHECK(boards.Start() == BoardMode::kBootloader);
+  CHECK_THAT(MessageOf<UserError>([&] {
+               boards.Flash(torquer::test::FirmwarePath("torquer-firmware-two-sensors.hex"));
+             }),
+             Contains("this is board 1 (one sensor)"));
+  CHECK(boards.device.page_operations() == 0);
+  CHECK(boards.Flash(kOldHex)->version == kOldVersion);
+}
+
 TEST_CASE("a dry run lists the steps and does not change the board") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
@@ -108,13 +140,15 @@ TEST_CASE("a dry run lists the steps and does not change the board") {
   CHECK(boards.device.page_operations() == 0);
 }
 
-TEST_CASE("without an image named, that for the board's clock is taken") {
-  for (const std::string suffix : {"-8mhz", "-16to8mhz"}) {
+TEST_CASE("without an image named, that for the board and its clock is taken") {
+  for (const std::string suffix :
+       {"-8mhz", "-16to8mhz", "-two-sensors", "-two-sensors-8mhz", "-two-sensors-16to8mhz"}) {
     EmulatedBoards boards(WithApplication(suffix));
     boards.Start();
     FlashRequest request;
     request.image_folder = torquer::test::FirmwarePath("");
     CHECK(boards.Flash("", request)->version == kOldVersion);
+    CheckInstalled(boards, torquer::test::FirmwarePath("torquer-firmware" + suffix + ".hex"));
     boards.CheckRules();
   }
 }

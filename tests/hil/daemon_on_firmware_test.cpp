@@ -11,12 +11,14 @@
 #include "host/device/sensor_firmware.h"
 #include "host/emulator/umockdev_front.h"
 #include "protocol/hid_reports.h"
+#include "tests/hil/usb_daemon.h"
 #include "tests/support/daemon_process.h"
 #include "tests/support/emulated_bench.h"
 #include "tests/support/paths.h"
 
 namespace {
 
+using namespace torquer::hil;
 using torquer::emulator::BenchDevice;
 using torquer::emulator::BenchOptions;
 using torquer::emulator::FirmwareImage;
@@ -27,49 +29,11 @@ using torquer::test::ChildProcess;
 using torquer::test::Listener;
 using torquer_lcm::instrument_command_t;
 
-constexpr double kMmPerCount = 25.4 / 1200;
-
-// Hand that rests until requested, then pushes by 100 mm and turns by 2 rad in one second.
-class PushingHand {
- public:
-  HandState operator()(double time_s) {
-    if (asked_.exchange(false)) {
-      from_ = to_;
-      to_ += 1.0;
-      start_s_ = time_s;
-    }
-    const double done = from_ + std::clamp(time_s - start_s_, 0.0, to_ - from_);
-    HandState hand;
-    hand.insertion_mm = 100.0 * done;
-    hand.rotation_rad = 2.0 * done;
-    return hand;
-  }
-  void Push() { asked_ = true; }
-
- private:
-  std::atomic<bool> asked_ = false;
-  double from_ = 0.0, to_ = 0.0, start_s_ = 0.0;
-};
-
-FirmwareImage Image() { return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")); }
-
 struct Bench {
-  Bench() : device(Image(), Options("HIL-1"), [this](double time_s) { return hand(time_s); }) {
-    daemon = Daemon({"--device", "HIL-1", "--calibration", Calibration()});
+  Bench() : device(Image(), HilOptions("HIL-1"), [this](double time_s) { return hand(time_s); }) {
+    daemon = UsbDaemon({"--device", "HIL-1", "--calibration", Calibration()});
     REQUIRE(daemon->WaitForError("running: reading device HIL-1"));
     REQUIRE(listener.UntilCommands(10));
-  }
-  static std::unique_ptr<ChildProcess> Daemon(const std::vector<std::string>& more) {
-    std::vector<std::string> words{torquer::test::kDaemonProgram, "--source", "usb"};
-    words.insert(words.end(), more.begin(), more.end());
-    return std::make_unique<ChildProcess>(words);
-  }
-  static BenchOptions Options(const std::string& serial) {
-    BenchOptions options;
-    options.serial = serial;
-    // The device's clock wraps within the first seconds of every start.
-    options.start_time_us = 4294967295u - 2500000u;
-    return options;
   }
   std::string Calibration() const {
     std::string path = listener.folder.Path("calibration.toml");
@@ -189,14 +153,14 @@ TEST_CASE("The chain continues without a jump after unplug, reset, stall and sho
 
 TEST_CASE("A device that answers no request in time is not taken, and is once it answers") {
   Listener listener{/*with_devices=*/true};
-  UmockdevBench device(Image(), Bench::Options("HIL-1"), [](double) { return HandState{}; });
+  UmockdevBench device(Image(), HilOptions("HIL-1"), [](double) { return HandState{}; });
   device.HangControl(true);
-  const auto refused = Bench::Daemon({"--uncalibrated"});
+  const auto refused = UsbDaemon({"--uncalibrated"});
   CHECK(refused->Wait() == 2);
   CAPTURE(refused->Error());
   CHECK(refused->Error().find("no device") != std::string::npos);
   device.HangControl(false);
-  const auto served = Bench::Daemon({"--uncalibrated"});
+  const auto served = UsbDaemon({"--uncalibrated"});
   CHECK(served->WaitForError("running: reading device HIL-1"));
 }
 
@@ -204,10 +168,10 @@ TEST_CASE("Two devices drive two instruments independently") {
   Bench bench;
   PushingHand second_hand;
   UmockdevBench second(
-      Image(), Bench::Options("HIL-2"), [&](double time_s) { return second_hand(time_s); },
+      Image(), HilOptions("HIL-2"), [&](double time_s) { return second_hand(time_s); },
       /*port=*/2);
   const auto catheter =
-      Bench::Daemon({"--device", "HIL-2", "--instrument", "catheter", "--uncalibrated"});
+      UsbDaemon({"--device", "HIL-2", "--instrument", "catheter", "--uncalibrated"});
   REQUIRE(catheter->WaitForError("running: reading device HIL-2"));
 
   const auto newest = [&](const std::string& instrument) -> const instrument_command_t* {
@@ -255,8 +219,8 @@ TEST_CASE("The sensor's firmware image is in it again after a suspend, a reset a
   Listener listener{/*with_devices=*/true};
   const std::vector<std::uint8_t> image = torquer::emulator::TestSrom();
   REQUIRE(torquer::device::KeepSrom("HIL-1", image) == listener.folder.Path("torquer/HIL-1.srom"));
-  UmockdevBench device(Image(), Bench::Options("HIL-1"), [](double) { return HandState{}; });
-  const auto daemon = Bench::Daemon({"--uncalibrated"});
+  UmockdevBench device(Image(), HilOptions("HIL-1"), [](double) { return HandState{}; });
+  const auto daemon = UsbDaemon({"--uncalibrated"});
   const auto runs_it = [&](std::int64_t loads) {
     const bool loaded =
         listener.Until([&] { return listener.counters["sensor_images_loaded"] == loads; });
@@ -291,7 +255,7 @@ TEST_CASE("Counts lost on the way are corrected when the cylinder passes the end
   std::atomic<double> target_mm = 5.0;
   double place_mm = 5.0;
   double last_s = 0.0;
-  BenchOptions options = Bench::Options("HIL-1");
+  BenchOptions options = HilOptions("HIL-1");
   options.reference_switch_mm = 0.0;
   options.contact_bounce_us = 3000;
   UmockdevBench device(Image(), options, [&](double time_s) {
@@ -302,7 +266,7 @@ TEST_CASE("Counts lost on the way are corrected when the cylinder passes the end
     hand.insertion_mm = place_mm;
     return hand;
   });
-  const auto daemon = Bench::Daemon({"--uncalibrated"});
+  const auto daemon = UsbDaemon({"--uncalibrated"});
   REQUIRE(listener.UntilCommands(10));
   const auto inserted_mm = [&] { return listener.commands.back().insertion_mm; };
   const auto move_to = [&](double mm) {

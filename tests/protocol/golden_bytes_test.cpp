@@ -59,10 +59,12 @@ TEST_CASE("an identity report has these 32 bytes") {
   std::memcpy(report.serial, "TQ-1", 4);
   report.self_test = 7;
   report.board = 1;
-  report.capabilities = 0x0f;
+  report.capabilities = 0x1f;
   report.cpu_mhz = 8;
-  CHECK(BytesOf(report) == Bytes{2, 1, 1, 2, 3, 0x42, 1, 16, 'T', 'Q', '-', '1', 0, 0, 0, 0,
-                                 0, 0, 0, 0, 0, 0,    0, 0,  7,   1,   15,  8,   0, 0, 0, 0});
+  report.second_product_id = 0x47;
+  report.second_revision = 2;
+  CHECK(BytesOf(report) == Bytes{2, 1, 1, 2, 3, 0x42, 1, 16, 'T', 'Q', '-', '1', 0,    0, 0, 0,
+                                 0, 0, 0, 0, 0, 0,    0, 0,  7,   1,   31,  8,   0x47, 2, 0, 0});
 }
 
 TEST_CASE("a configuration report has these 16 bytes") {
@@ -91,8 +93,14 @@ TEST_CASE("a diagnostics report has these 32 bytes") {
   report.sensor_observation = 0x7f;
   report.joystick_rest_x = 0x0200;
   report.joystick_rest_y = 0x01ff;
-  CHECK(BytesOf(report) == Bytes{4, 1,    8,    4, 2,    1, 4, 3, 6, 5, 8, 7, 0x0a, 9, 0x0c, 0x0b,
-                                 3, 0x7f, 0x00, 2, 0xff, 1, 0, 0, 0, 0, 0, 0, 0,    0, 0,    0});
+  report.supply_mv = 0x0d0e;
+  report.second_faults = 0x1011;
+  report.second_resets = 0x1213;
+  report.second_fault_cause = kSensorSilent;
+  report.second_observation = 0x3f;
+  CHECK(BytesOf(report) == Bytes{4,    1,    8,    4,    2,    1,    4,    3,    6, 5,    8,
+                                 7,    0x0a, 9,    0x0c, 0x0b, 3,    0x7f, 0x00, 2, 0xff, 1,
+                                 0x0e, 0x0d, 0x11, 0x10, 0x13, 0x12, 1,    0x3f, 0, 0});
 }
 
 TEST_CASE("a command report has these 8 bytes") {
@@ -131,7 +139,7 @@ TEST_CASE("a picture report has its pixels from 6") {
   CHECK(bytes[1301] == 1);
 }
 
-TEST_CASE("the report descriptor has these 73 bytes") {
+TEST_CASE("the report descriptor has these 81 bytes") {
   CHECK(Bytes(std::begin(kHidReportDescriptor), std::end(kHidReportDescriptor)) ==
         Bytes{0x06, 0x00, 0xff, 0x09, 0x01, 0xa1, 0x01, 0x15, 0x00, 0x26, 0xff,
               0x00, 0x75, 0x08, 0x85, 0x01, 0x09, 0x02, 0x95, 31,   0x81, 0x02,  //
@@ -141,6 +149,7 @@ TEST_CASE("the report descriptor has these 73 bytes") {
               0x85, 0x05, 0x09, 0x06, 0x95, 7,    0xb1, 0x02,                    //
               0x85, 0x06, 0x09, 0x07, 0x96, 0xfe, 0x0f, 0xb1, 0x02,              //
               0x85, 0x07, 0x09, 0x08, 0x96, 0x15, 0x05, 0xb1, 0x02,              //
+              0x85, 0x08, 0x09, 0x09, 0x95, 31,   0x81, 0x02,                    //
               0xc0});
 }
 

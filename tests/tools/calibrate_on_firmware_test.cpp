@@ -53,8 +53,11 @@ class MotionFile {
     Rest(0.05);
     Rest(0.35);
   }
+  // The motion goes to the catheter's cylinder; the wire moves in another way.
+  void MoveCatheter() { catheter_ = true, rows_.clear(), Row(); }
   void Write(const std::string& path) const {
-    std::ofstream(path) << "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n"
+    std::ofstream(path) << "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons"
+                        << (catheter_ ? ",catheter_insertion_mm,catheter_rotation_rad\n" : "\n")
                         << rows_;
   }
   double time_s() const { return time_s_; }
@@ -64,8 +67,14 @@ class MotionFile {
     char row[160];
     std::snprintf(row, sizeof row, "%.3f,%.4f,%.6f,%g,%g,\n", time_s_, insertion_mm_, rotation_rad_,
                   x_, y_);
+    if (catheter_) {
+      std::snprintf(row, sizeof row, "%.3f,%.4f,%.6f,%g,%g,,%.4f,%.6f\n", time_s_,
+                    60.0 - 0.3 * insertion_mm_, 0.2 * rotation_rad_, x_, y_, insertion_mm_,
+                    rotation_rad_);
+    }
     rows_ += row;
   }
+  bool catheter_ = false;
   double time_s_ = 0, insertion_mm_ = 0, rotation_rad_ = 0, x_ = 0, y_ = 0;
   std::string rows_;
 };
@@ -73,7 +82,9 @@ class MotionFile {
 struct Bench {
   explicit Bench(const MotionFile& motion, RunOptions options = {}) {
     motion.Write(folder.Path("motion.csv"));
-    options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
+    if (options.firmware.empty()) {
+      options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
+    }
     options.motion = folder.Path("motion.csv");
     options.socket = folder.Path("socket");
     options.use_lcm = false;
@@ -170,6 +181,40 @@ TEST_CASE("A dozen devices, built otherwise than drawn, are found out through th
   const double found_turn_deg =
       360.0 * radius / gain * found.gain_mm_per_count / found.cylinder_radius_mm;
   CHECK(found_turn_deg == Approx(360.0).margin(0.2));
+}
+
+TEST_CASE("The second sensor of a box gets its own calibration") {
+  RunOptions options;
+  options.firmware = torquer::test::FirmwarePath("torquer-firmware-two-sensors.elf");
+  options.bench.sensor.scale = 1.05;
+  MotionFile motion;
+  motion.MoveCatheter();
+  motion.Rest(2.0);
+  for (int i = 0; i < 6; ++i) {
+    motion.Go(i < 3 ? 150.0 : 0.0, i < 3 ? 0.0 : kTurns);
+    motion.Go(0.0, 0.0);
+  }
+  motion.Rest(1.0);
+  Bench bench(motion, options);
+  const int status =
+      bench.Calibrate(Marks(7) + "skip raised\n" + Marks(7) + "skip joystick\n",
+                      {"--sensor", "2", "--pushes", "3", "--turn-strokes", "3", "--play", "0"});
+  CAPTURE(bench.said);
+  REQUIRE(status == 0);
+  CHECK(bench.summary.violations == 0);
+  const Calibration calibration = bench.Result();
+  CHECK(calibration.device == "CAL-1.2");
+  const MotionParameters found = ParametersOf(calibration.motion);
+  CHECK(found.gain_mm_per_count == Approx(kMmPerInch / 1200 / 1.05).epsilon(0.001));
+  CHECK(found.cylinder_radius_mm == Approx(5.0).epsilon(0.002));
+}
+
+TEST_CASE("A device with one sensor has no second one to calibrate") {
+  MotionFile motion;
+  motion.Rest(2.0);
+  Bench bench(motion);
+  CHECK(bench.Calibrate(Marks(1), {"--sensor", "2"}) == 2);
+  CHECK_THAT(bench.said, Contains("the device 'CAL-1' has one sensor"));
 }
 
 TEST_CASE("All steps, a lifted push, noise and the joystick, through the firmware") {

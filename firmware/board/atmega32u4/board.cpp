@@ -27,6 +27,9 @@ extern const uint32_t torquer_cpu_hz TORQUER_IN_FLASH;
 const uint32_t torquer_cpu_hz = F_CPU;
 extern const uint32_t torquer_crystal_hz TORQUER_IN_FLASH;
 const uint32_t torquer_crystal_hz = TORQUER_CRYSTAL_HZ;
+// Its circuit; the emulator is wired by it.
+extern const uint8_t torquer_image_board TORQUER_IN_FLASH;
+const uint8_t torquer_image_board = torquer::board::kImageBoard;
 }
 
 namespace torquer {
@@ -133,6 +136,10 @@ void SetUp() {
   PORTF |= TORQUER_UNUSED_F;
   PORTC &= static_cast<uint8_t>(~_BV(PC7));
   DDRC |= _BV(PC7);
+  if (kTwoSensors) {
+    TORQUER_SENSOR_NCS_PORT |= _BV(TORQUER_SECOND_NCS_BIT);
+    TORQUER_SENSOR_NCS_DDR |= _BV(TORQUER_SECOND_NCS_BIT);
+  }
 
   // ADC: 125 kHz, against the supply that feeds the potentiometers.
   DIDR0 = _BV(TORQUER_JOYSTICK_X_CHANNEL) | _BV(TORQUER_JOYSTICK_Y_CHANNEL);
@@ -269,7 +276,7 @@ uint16_t StackHeadroom() {
 
 uint8_t ClockCode() { return kClock; }
 
-uint8_t Board() { return protocol::kBoardBenchAtmega32u4; }
+uint8_t Board() { return kImageBoard; }
 
 void ReadChipSerial(uint8_t serial[10]) {
   constexpr uint16_t kFirst = 0x0e;  // in the signature row
@@ -283,11 +290,24 @@ uint8_t ReadFlash(const uint8_t* address) { return pgm_read_byte(address); }
 
 bool ApplicationIsWhole() { return application_is_whole; }
 
-void SelectSensor(bool selected) {
+namespace {
+
+template <uint8_t kBit>
+void Select(bool selected) {
   if (selected) {
-    TORQUER_SENSOR_NCS_PORT &= static_cast<uint8_t>(~_BV(TORQUER_SENSOR_NCS_BIT));
+    TORQUER_SENSOR_NCS_PORT &= static_cast<uint8_t>(~_BV(kBit));
   } else {
-    TORQUER_SENSOR_NCS_PORT |= _BV(TORQUER_SENSOR_NCS_BIT);
+    TORQUER_SENSOR_NCS_PORT |= _BV(kBit);
+  }
+}
+
+}  // namespace
+
+void SelectSensor(uint8_t sensor, bool selected) {
+  if (kTwoSensors && sensor != 0) {
+    Select<TORQUER_SECOND_NCS_BIT>(selected);
+  } else {
+    Select<TORQUER_SENSOR_NCS_BIT>(selected);
   }
 }
 

@@ -1,4 +1,5 @@
-// Crystal and CPU clock of an image: F_CPU and TORQUER_CRYSTAL_HZ come from the build.
+// Crystal, CPU clock and circuit of an image: F_CPU, TORQUER_CRYSTAL_HZ and TORQUER_BOARD come from
+// the build.
 #pragma once
 
 #include <avr/io.h>
@@ -18,6 +19,10 @@
 
 namespace torquer {
 namespace board {
+
+constexpr uint8_t kImageBoard = TORQUER_BOARD;
+static_assert(protocol::IsKnownBoard(kImageBoard), "a number of protocol::ImageBoard");
+constexpr bool kTwoSensors = kImageBoard == protocol::kBoardTwoSensorsAtmega32u4;
 
 constexpr uint8_t kClock =
     protocol::ClockCode(TORQUER_CRYSTAL_HZ / 1000000, static_cast<uint8_t>(F_CPU / 1000000));

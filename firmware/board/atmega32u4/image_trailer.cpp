@@ -10,7 +10,7 @@ extern const torquer::protocol::ImageTrailer torquer_image_trailer;
 const torquer::protocol::ImageTrailer torquer_image_trailer
     __attribute__((used, section(".image_trailer"))) = {torquer::protocol::kImageMagic,
                                                         0,
-                                                        torquer::protocol::kBoardBenchAtmega32u4,
+                                                        torquer::board::kImageBoard,
                                                         torquer::board::kClock,
                                                         torquer::firmware::kVersionMajor,
                                                         torquer::firmware::kVersionMinor,

@@ -7,10 +7,15 @@
 
 namespace {
 extern torquer::firmware::BenchFirmware bench_firmware;
-torquer::firmware::Pmw3360 sensor;
+torquer::firmware::Pmw3360 sensor{0};
 torquer::firmware::SensorService sensor_reports{sensor};
 torquer::firmware::UsbDevice usb{bench_firmware, sensor_reports};
+#if TORQUER_BOARD == 2  // kBoardTwoSensorsAtmega32u4
+torquer::firmware::Pmw3360 second_sensor{1};
+torquer::firmware::BenchFirmware bench_firmware{sensor, sensor_reports, usb, &second_sensor};
+#else
 torquer::firmware::BenchFirmware bench_firmware{sensor, sensor_reports, usb};
+#endif
 }  // namespace
 
 int main() {

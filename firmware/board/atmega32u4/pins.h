@@ -8,6 +8,8 @@
 #define TORQUER_SENSOR_NCS_PORT PORTB
 #define TORQUER_SENSOR_NCS_DDR DDRB
 #define TORQUER_SENSOR_NCS_BIT 6  // PB6 (10)
+// The second sensor's, on boards that have two; on the others this pin is unused.
+#define TORQUER_SECOND_NCS_BIT 5  // PB5 (9)
 
 // Buttons to ground, pulled up inside the chip.
 #define TORQUER_BUTTON_PORT PORTD
