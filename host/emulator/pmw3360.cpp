@@ -306,6 +306,12 @@ void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, dou
     case kObservation:
       ClearObservation(now_us);
       break;
+    case kMotionBurst:
+      if (imperfections_.arming_clears) {
+        navigation_.Advance(now_us, NavigationSettings(), blind());
+        navigation_.Take();
+      }
+      break;
     case kFrameCapture:
       WriteFrameCapture(value, now_us);
       break;

@@ -16,6 +16,8 @@ struct SensorImperfections {
   /// Mean time between spontaneous resets of the sensor (static discharge, a dip of its supply), s;
   /// 0: none. The times are random, by the device's seed.
   double self_reset_interval_s = 0;
+  /// Pessimistic reading of the data sheet: the write that arms a motion burst clears the motion.
+  bool arming_clears = false;
 };
 
 /// A place on the surface under the sensor.

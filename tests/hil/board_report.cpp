@@ -122,10 +122,15 @@ std::string Ids(device::FeatureReports& reports, std::string* serial) {
       "USB {:04x}:{:04x}, serial number {}\nfirmware {}.{}.{}, board {}, capabilities {:#04x}, "
       "crystal {} MHz, CPU {} MHz\n"
       "sensor: product {:#04x}, revision {:#04x}\n"
+      "second sensor: {}\n"
       "self-test: application {}, settings {}, sensor {}\n",
       protocol::kUsbVendorId, protocol::kUsbProductId, *serial, identity.firmware_major,
       identity.firmware_minor, identity.firmware_patch, identity.board, identity.capabilities,
       identity.crystal_mhz, identity.cpu_mhz, identity.sensor_product_id, identity.sensor_revision,
+      (identity.capabilities & protocol::kCapabilitySecondSensor) == 0
+          ? "none"
+          : fmt::format("product {:#04x}, {}", identity.second_product_id,
+                        GoodOrBad(identity.self_test & 8)),
       GoodOrBad(identity.self_test & 1), GoodOrBad(identity.self_test & 2),
       GoodOrBad(identity.self_test & 4));
 }

@@ -1,7 +1,12 @@
 #include "tests/hil/transcripts.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <map>
+#include <numeric>
 #include <random>
+#include <vector>
 
 #include "protocol/hid_descriptor.h"
 
@@ -20,10 +25,16 @@ std::string StringOf(Program& program, std::uint8_t index) {
   return {reinterpret_cast<char*>(text), static_cast<std::size_t>(size)};
 }
 
-// Discards old reports in the endpoint's banks first.
+// Discards old reports in the endpoint's banks first. Of two sensors, it is the first one's.
 InputReport FreshReport(Program& program) {
   for (int i = 0; i < 4; ++i) program.ReadReport();
-  return program.ReadReport();
+  const InputReport report = program.ReadReport();
+  return report.report_id == protocol::kInputReportId ? report : program.ReadReport();
+}
+
+bool HasTwoSensors(Program& program) {
+  return (program.Get<IdentityReport>(protocol::kIdentityReportId).capabilities &
+          protocol::kCapabilitySecondSensor) != 0;
 }
 
 ConfigurationReport Configuration(Program& program) {
@@ -70,26 +81,31 @@ void DescribesItself(Program& program) {
 }
 
 void SendsEveryFrame(Program& program, int reports, int may_miss) {
+  const int sensors = HasTwoSensors(program) ? 2 : 1;
   const InputReport first = FreshReport(program);
-  InputReport last = first;
+  std::map<int, InputReport> last;  // by report id: the sensors take turns
   int missing = 0;
   for (int i = 0; i < reports; ++i) {
     const InputReport report = program.ReadReport();
-    REQUIRE(report.report_id == protocol::kInputReportId);
+    REQUIRE((report.report_id == protocol::kInputReportId ||
+             (sensors == 2 && report.report_id == protocol::kSecondInputReportId)));
     REQUIRE(report.protocol_version == protocol::kProtocolVersion);
     REQUIRE(report.boot_id == first.boot_id);
-    const auto ahead = static_cast<std::uint16_t>(report.sequence - last.sequence);
-    REQUIRE(ahead >= 1);
-    REQUIRE(ahead < 0x8000);
-    missing += ahead - 1;
-    const double step_us = static_cast<double>(
-        static_cast<std::uint32_t>(report.device_time_us - last.device_time_us));
-    REQUIRE(step_us > 900.0 * ahead);
-    REQUIRE(step_us < 1100.0 * ahead);
     REQUIRE(report.joystick_x <= protocol::kJoystickMax);
     REQUIRE(report.joystick_y <= protocol::kJoystickMax);
-    last = report;
+    if (const auto before = last.find(report.report_id); before != last.end()) {
+      const auto ahead = static_cast<std::uint16_t>(report.sequence - before->second.sequence);
+      REQUIRE(ahead >= 1);
+      REQUIRE(ahead < 0x8000);
+      missing += ahead - 1;
+      const double step_us = static_cast<double>(
+          static_cast<std::uint32_t>(report.device_time_us - before->second.device_time_us));
+      REQUIRE(step_us > 900.0 * ahead * sensors);
+      REQUIRE(step_us < 1100.0 * ahead * sensors);
+    }
+    last[report.report_id] = report;
   }
+  CHECK(static_cast<int>(last.size()) == sensors);
   CHECK(missing <= may_miss * reports / 1000);
 }
 
@@ -211,12 +227,99 @@ void IsInGoodHealth(Program& program) {
   CHECK((report.flags & protocol::kFlagSensorFault) == 0);
   const auto identity = program.Get<IdentityReport>(protocol::kIdentityReportId);
   CHECK((identity.sensor_product_id == 0x42 || identity.sensor_product_id == 0x47));
-  CHECK(identity.self_test == 7);
+  CHECK(identity.self_test == (HasTwoSensors(program) ? 15 : 7));
   const auto diagnostics = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
   CHECK(diagnostics.sensor_faults == 0);
   CHECK(diagnostics.stack_headroom > 512);
   CHECK(diagnostics.longest_frame_us > 0);
   CHECK(diagnostics.longest_frame_us < 1000);
+}
+
+void ServesRowsOfRequests(Program& program, int rounds) {
+  const ConfigurationReport kept = Configuration(program);
+  const auto before = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  for (int round = 0; round < rounds; ++round) {
+    program.Get<IdentityReport>(protocol::kIdentityReportId);
+    REQUIRE(program.Set(kept) == sizeof(kept));
+    REQUIRE(program.Set(kept) == sizeof(kept));
+    program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+    program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  }
+  const auto after = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  CHECK(after.settings_writes == before.settings_writes);
+  CHECK(after.reset_reason == before.reset_reason);
+  program.ReadReport();
+}
+
+void RestsWithoutFault(Program& program, int reports) {
+  const auto before = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  int faults = 0;
+  for (int i = 0; i < reports; ++i) {
+    faults += (program.ReadReport().flags & protocol::kFlagSensorFault) != 0 ? 1 : 0;
+  }
+  CHECK(faults == 0);
+  const auto after = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  CHECK(after.sensor_faults == before.sensor_faults);
+  CHECK(after.sensor_resets == before.sensor_resets);
+}
+
+void RunsWithoutAnImage(Program& program) {
+  Restart(program);
+  InputReport report = program.ReadReport();
+  for (int i = 0; i < 3000 && (report.flags & protocol::kFlagSensorFault) != 0; ++i) {
+    report = program.ReadReport();
+  }
+  REQUIRE((report.flags & protocol::kFlagSensorFault) == 0);
+  const auto diagnostics = program.Get<DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  CHECK(diagnostics.srom_id == 0);
+  CHECK(diagnostics.sensor_faults == 0);
+  for (int i = 0; i < 200; ++i) report = program.ReadReport();
+  CHECK((report.flags & (protocol::kFlagSensorFault | protocol::kFlagLift)) == 0);
+  CHECK(report.surface_quality >= 16);
+}
+
+double LeastShareOfMotion(Program& program, int reports) {
+  // The firmware's five checks: every 32 frames, and the first again one frame after the last.
+  constexpr std::size_t kCycle = 129, kBetween = 32, kChecks = 5;
+  constexpr double kLeastCounts = 1;  // a frame, on average
+  std::array<double, kCycle> counts{};
+  std::array<double, kCycle> frames{};
+  InputReport last = FreshReport(program);
+  std::size_t frame = 0;
+  for (int i = 0; i < reports; ++i) {
+    const InputReport report = program.ReadReport();
+    if (report.report_id != protocol::kInputReportId) continue;
+    const auto ahead = static_cast<std::uint16_t>(report.sequence - last.sequence);
+    frame = (frame + ahead) % kCycle;
+    if (ahead == 1) {
+      counts[frame] += std::abs(static_cast<double>(report.axial_counts) - last.axial_counts);
+      ++frames[frame];
+    }
+    last = report;
+  }
+  const double mean = std::accumulate(counts.begin(), counts.end(), 0.0) /
+                      std::accumulate(frames.begin(), frames.end(), 0.0);
+  INFO("push the wire faster");
+  REQUIRE(mean >= kLeastCounts);
+  double least = 1e9;
+  for (std::size_t first = 0; first < kCycle; ++first) {
+    double in_checks = 0, checks = 0;
+    for (std::size_t check = 0; check < kChecks; ++check) {
+      in_checks += counts[(first + kBetween * check) % kCycle];
+      checks += frames[(first + kBetween * check) % kCycle];
+    }
+    least = std::min(least, in_checks / checks / mean);
+  }
+  return least;
+}
+
+calibration::FocusFigures LampFigures(Program& program) {
+  protocol::PictureReport picture{};
+  REQUIRE(libusb_control_transfer(program.handle(), 0xa1, 1, 0x0300 | protocol::kPictureReportId, 0,
+                                  reinterpret_cast<unsigned char*>(&picture), sizeof(picture),
+                                  kTimeoutMs) == sizeof(picture));
+  const calibration::FocusPicture pixels(std::begin(picture.pixels), std::end(picture.pixels));
+  return calibration::MeasureFocus({&pixels, 1});
 }
 
 }  // namespace torquer::hil

@@ -2,6 +2,7 @@
 // the expected answers. Each restores the state of the device. The hand rests.
 #pragma once
 
+#include "calibration/focus.h"
 #include "tests/support/usb_program.h"
 
 namespace torquer::hil {
@@ -9,7 +10,8 @@ namespace torquer::hil {
 /// Checks that descriptors, strings and identity agree with the protocol and with each other.
 void DescribesItself(Program& program);
 
-/// Checks that `reports` arrive in sequence, one millisecond apart on the device's clock. Up to
+/// Checks that `reports` arrive in sequence, one millisecond apart on the device's clock; those of
+/// two sensors in turn. Up to
 /// `may_miss` per thousand may be missing because the machine, not the device, is late.
 void SendsEveryFrame(Program& program, int reports, int may_miss);
 
@@ -33,5 +35,25 @@ void RestartsByItsWatchdog(Program& program);
 /// Checks that the sensor answers, and that since the device's start there was no restart, no loss
 /// and no nearly full stack.
 void IsInGoodHealth(Program& program);
+
+/// --- open points of the sensor and of the USB, which only silicon settles -----------------------
+
+/// Checks that rows of requests in both directions are served: the status stage of each read stays
+/// unreleased until the next SETUP packet.
+void ServesRowsOfRequests(Program& program, int rounds);
+
+/// Checks that for `reports` no bit of a rest mode is seen, and none of a reset: no fault.
+void RestsWithoutFault(Program& program, int reports);
+
+/// Checks that after a restart the sensor runs without an image (SROM) and sees the surface.
+void RunsWithoutAnImage(Program& program);
+
+/// Motion in the frames of the sensor's checks over that of all frames. The wire must be in steady
+/// motion; the test fails if it moves too little. About 1 if no motion is lost when the burst is
+/// armed again.
+double LeastShareOfMotion(Program& program, int reports);
+
+/// Figures of a picture by the sensor's own lamp.
+calibration::FocusFigures LampFigures(Program& program);
 
 }  // namespace torquer::hil

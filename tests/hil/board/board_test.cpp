@@ -1,6 +1,6 @@
 // Conversations of transcripts.h with a real device, for owners of one, and a measurement of its
 // jitter and latency. README.md explains how to run it.
-#include <cstdio>
+#include <cstdlib>
 #include <iostream>
 #include <string>
 
@@ -12,9 +12,30 @@ namespace {
 using namespace torquer::hil;
 
 constexpr double kReportSeconds = 30;
+constexpr double kMostShadingAcross = 1.25;  // as calibration/focus.cpp judges it
+constexpr double kLeastShare = 0.9;          // less than a quarter of a frame lost
+
+constexpr int kSkipped = 77;
+
+// Without a board the program ends as skipped, with the reason.
+void NeedBoard() {
+  libusb_context* context = nullptr;
+  REQUIRE(libusb_init(&context) == 0);
+  libusb_device_handle* const handle = libusb_open_device_with_vid_pid(
+      context, torquer::protocol::kUsbVendorId, torquer::protocol::kUsbProductId);
+  if (handle == nullptr) {
+    std::cout << "skipped: no bench device is plugged in that this user may open" << std::endl;
+    std::exit(kSkipped);
+  }
+  libusb_close(handle);
+  libusb_exit(context);
+}
 
 struct Board {
-  Board() { program.Open(); }
+  Board() {
+    NeedBoard();
+    program.Open();
+  }
   Program program;
 };
 
@@ -69,7 +90,40 @@ TEST_CASE("the board is unplugged and plugged in again", "[board][cable]") {
   CHECK((diagnostics.reset_reason & 1) == 1);
 }
 
+// Points that only silicon settles: hardware/README.md, "Proven and open points".
+TEST_CASE("the board serves rows of requests", "[board][silicon]") {
+  Board board;
+  ServesRowsOfRequests(board.program, 1000);
+}
+TEST_CASE("the board's sensor shows no rest mode to a hand that is still", "[board][silicon]") {
+  Board board;
+  std::cout << "leave the wire alone for a minute" << std::endl;
+  RestsWithoutFault(board.program, 60000);
+}
+TEST_CASE("the board's sensor runs without an image", "[board][silicon]") {
+  Board board;
+  RunsWithoutAnImage(board.program);
+}
+TEST_CASE("the board's lamp shades the view along the pipe", "[board][silicon]") {
+  Board board;
+  const torquer::calibration::FocusFigures figures = LampFigures(board.program);
+  std::cout << "shading along the pipe " << figures.shading_along << ", across it "
+            << figures.shading_across << std::endl;
+  CHECK(figures.shading_along > figures.shading_across);
+  CHECK(figures.shading_across < kMostShadingAcross);
+}
+TEST_CASE("the board loses no motion when the burst is armed again", "[board][silicon][hand]") {
+  Board board;
+  std::cout << "push and pull the wire steadily, 100 mm a second, for 10 s from now on"
+            << std::endl;
+  const double share = LeastShareOfMotion(board.program, 10000);
+  std::cout << "motion in the frames of the sensor's checks: " << share << " of the mean"
+            << std::endl;
+  CHECK(share > kLeastShare);
+}
+
 TEST_CASE("the board's jitter and latency", "[board][timing]") {
+  NeedBoard();
   std::cout << "reading for " << kReportSeconds << " s" << std::endl;
   std::cout << TimingReport("", kReportSeconds) << std::endl;
 }
