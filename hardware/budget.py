@@ -38,6 +38,7 @@ PLA_KG_M3 = 1240
 PRINTED_SHARE = 0.6  # plastic fraction of a part's volume: three walls and 20 % infill
 FRICTION_PAPER_PLA = 0.3  # assumed
 GRAVITY_M_S2 = 9.81
+CAP_PLAY_MM = 0.3  # of a wire in the hole of a cap
 PETG_MPA = 2000  # Young's modulus of the leaf springs, printed on their side
 
 _OPERATORS = {
@@ -197,15 +198,15 @@ def piston_force_n(speed_m_s: float, radius_mm: float, opening_mm2: float) -> fl
     return AIR_KG_M3 / 2 * jet_m_s**2 * area_m2
 
 
-def cylinder_kg() -> float:
+def cylinder_kg(part: str = "cylinder_core") -> float:
+    """Mass of the wire's cylinder, or of the catheter's hollow one (`catheter_core`)."""
     with open(os.path.join(HERE, "parts", "parts.csv"), newline="", encoding="utf-8") as file:
-        volume_cm3 = next(float(row["volume_cm3"]) for row in csv.DictReader(file)
-                          if row["part"] == "cylinder_core")
+        volume_cm3 = next(float(row["volume_cm3"]) for row in csv.DictReader(file) if row["part"] == part)
     return volume_cm3 * 1e-6 * PLA_KG_M3 * PRINTED_SHARE
 
 
-def friction_n() -> float:
-    return FRICTION_PAPER_PLA * cylinder_kg() * GRAVITY_M_S2
+def friction_n(part: str = "cylinder_core") -> float:
+    return FRICTION_PAPER_PLA * cylinder_kg(part) * GRAVITY_M_S2
 
 
 def leaf_force_n(deflection_mm: float) -> float:
@@ -214,9 +215,9 @@ def leaf_force_n(deflection_mm: float) -> float:
     return 3 * PETG_MPA * inertia_mm4 * deflection_mm / MODEL["leaf_length"] ** 3
 
 
-def lifting_force_n() -> float:
+def lifting_force_n(part: str = "cylinder_core") -> float:
     """Upward force of the wire that lifts the cylinder off the floor of its bore, against weight and both springs."""
-    return cylinder_kg() * GRAVITY_M_S2 + 2 * leaf_force_n(MODEL["leaf_deflection"])
+    return cylinder_kg(part) * GRAVITY_M_S2 + 2 * leaf_force_n(MODEL["leaf_deflection"])
 
 
 def joystick_rate_step_rad_s(full_rate_rad_s: float, dead_zone_counts: float) -> float:
@@ -349,6 +350,11 @@ def force_table() -> list[list[str]]:
          f"{friction_n() + spring_friction + mass * 2 + piston_force_n(0.2, RADIUS_MM, vented):.3f}"],
         ["pull of the wire upward that lifts the cylinder: with the springs; without",
          f"{lifting_force_n():.2f}; {mass * GRAVITY_M_S2:.2f}"],
+        [f"the catheter's hollow cylinder, {1000 * cylinder_kg('catheter_core'):.0f} g: sliding, with the springs",
+         f"{friction_n('catheter_core') + spring_friction:.3f}"],
+        ["pull upward that lifts it, with the springs", f"{lifting_force_n('catheter_core'):.2f}"],
+        [f"wire in its passage: free within {MODEL['passage_play']:.2f} mm of the middle, "
+         f"{CLEARANCE_MM + CAP_PLAY_MM:.2f} needed", "0"],
     ]
 
 

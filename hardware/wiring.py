@@ -29,6 +29,7 @@ SUPPLIES_V = (3.3, 5.0)
 
 CONTROLLER_SIGNALS = {
     "sensor NCS": "NCS",
+    "second sensor NCS, on a board for two": "NCS_2",
     "sensor SCLK": "SCLK",
     "sensor MOSI": "MOSI",
     "sensor MISO": "MISO",
@@ -78,6 +79,7 @@ def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
     }
     macros = {
         "NCS": r"SENSOR_NCS_BIT (\d)  // (P\w\d) \((\w+)\)",
+        "NCS_2": r"SECOND_NCS_BIT (\d)  // (P\w\d) \((\w+)\)",
         "XRAY": r"XRAY_BIT (\d) +// (P\w\d) \((\w+)\)",
         "CONTRAST": r"CONTRAST_BIT (\d) +// (P\w\d) \((\w+)\)",
         "CLUTCH": r"CLUTCH_BIT (\d) +// (P\w\d) \((\w+)\)",
@@ -87,6 +89,7 @@ def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
     }
     ports = {
         "NCS": re.search(r"SENSOR_NCS_PORT PORT(\w)", pins_header).group(1),
+        "NCS_2": re.search(r"SENSOR_NCS_PORT PORT(\w)", pins_header).group(1),
         "REFERENCE": re.search(r"REFERENCE_PORT PORT(\w)", pins_header).group(1),
     }
     button_port = re.search(r"BUTTON_PORT PORT(\w)", pins_header).group(1)
@@ -214,7 +217,8 @@ PLACES = {
     "clutch button": (180, 405, 120, [], ["1", "2"]),
     "end switch": (150, 500, 150, [], ["1", "2"]),
     "controller": (440, 150, 185, ["A0", "A1", "2", "3", "4", "5"],
-                   ["VCC", "GND", "10", "15", "16", "14"]),
+                   ["VCC", "GND", "10", "15", "16", "14", "9"]),
+    "second sensor module": (760, 490, 190, ["VI", "GD", "SS", "SC", "MO", "MI"], []),
     "level shifter": (895, 290, 120, ["A1", "A2", "A3", "A4", "VREF_A"],
                       ["B1", "B2", "B3", "B4", "VREF_B"]),
     "regulator 1.9 V": (895, 100, 120, ["IN", "GND"], ["OUT"]),
@@ -223,7 +227,8 @@ PLACES = {
 }
 MODULE = (760, 50, 540, 410)
 MODULE_PINS = {"VI": 110, "GD": 134, "SS": 332, "SC": 356, "MO": 380, "MI": 404}
-TITLES = {"controller": "Pro Micro (ATmega32U4)", "PMW3360": "PMW3360 + LM19-LSI", "end switch": "end switch, optional"}
+TITLES = {"controller": "Pro Micro (ATmega32U4)", "PMW3360": "PMW3360 + LM19-LSI", "end switch": "end switch, optional",
+          "second sensor module": "second sensor, optional"}
 
 
 def pin_places() -> dict[tuple[str, str], list[tuple[float, float, int]]]:
@@ -248,9 +253,9 @@ def text(x, y, content, anchor="start", size=13, color="#222222", weight="normal
 def draw(wires: list[Wire]) -> str:
     """The diagram as SVG: signals as lines, supplies and ground as flags at their pins."""
     out = [
-        '<svg xmlns="http://www.w3.org/2000/svg" width="1330" height="640" viewBox="0 0 1330 640"'
+        '<svg xmlns="http://www.w3.org/2000/svg" width="1330" height="710" viewBox="0 0 1330 710"'
         ' font-family="DejaVu Sans, Arial, sans-serif">',
-        '<rect width="1330" height="640" fill="white"/>',
+        '<rect width="1330" height="710" fill="white"/>',
         text(30, 30, "Bench device: wiring", size=18, weight="bold"),
         '<rect x="{}" y="{}" width="{}" height="{}" fill="#f3f6fa" stroke="#7a8aa0"'
         ' stroke-dasharray="6 4"/>'.format(*MODULE),
@@ -297,9 +302,9 @@ def draw(wires: list[Wire]) -> str:
         if y0 != y1:
             name = wire.net.replace("JOYSTICK", "STICK")
             out.append(text(x0 + 6, y0 - 4, name, size=11, color=color))
-    out.append(text(20, 608, "Flags of one name are joined. Volts for a controller at 3.3 V; one at"
+    out.append(text(20, 678, "Flags of one name are joined. Volts for a controller at 3.3 V; one at"
                     " 5 V needs a module with level shifters, as drawn.", size=12, color="#4a5a70"))
-    out.append(text(20, 628, "Pedal filter: 1 kilohm from IN to OUT, 100 nF from OUT to GND, a"
+    out.append(text(20, 698, "Pedal filter: 1 kilohm from IN to OUT, 100 nF from OUT to GND, a"
                     " suppressor diode of 9 V from IN to GND, all at the jack.", size=12, color="#4a5a70"))
     out.append("</svg>")
     return "\n".join(out) + "\n"

@@ -63,6 +63,8 @@ lens_ledge = 0.6;         // overlap of the carrier's ledges with the lens
 
 /* [Catheter, panel] */
 catheter_diameter = 2.4;  // 7 French is 2.33
+catheter_grip = 30;       // depth of the catheter in its hollow cylinder, for two sensors
+passage_diameter = 2;     // of that cylinder beyond, through which the wire passes
 button_hole = 16.2;
 jack_hole = 6.2;
 joystick_hole = 26;
@@ -114,6 +116,10 @@ ledge_top = seat_in_carrier - lens_height - 0.1;  // in the carrier; the lens re
 assert(leaf_gap > 2 * bore_clearance, "a lifted cylinder would bend the springs to the carrier");
 assert(leaf_pocket < seat_in_carrier - 1.5, "the springs' pocket would reach the board");
 assert(crown_flat > bore_radius + 0.8, "the lens would touch the pipe");
+// The caps keep the wire within 0.3 mm of the pipe's axis; the hollow cylinder lies on the floor of its bore or is raised.
+passage_play = (passage_diameter - wire_diameter) / 2;
+assert(passage_play > bore_clearance + 0.3, "the hollow cylinder would rest on the wire");
+assert(passage_diameter < catheter_diameter, "the catheter would slip through its cylinder");
 assert(board_lens_x > lens_x / 2 && board_x - board_lens_x > lens_x / 2, "the board must carry the lens");
 
 module slab(x, y, z) { translate([-x / 2, -y / 2, 0]) cube([x, y, z]); }
@@ -121,18 +127,37 @@ module each_corner(x, y) { for (i = [-1, 1], j = [-1, 1]) translate([i * x, j * 
 
 // --- moving parts ---------------------------------------------------------------------------
 
+core_radius = cylinder_radius - paper_thickness;
+module core_blank() {
+  cylinder(r1 = core_radius - 0.6, r2 = core_radius, h = 0.6 + e);
+  translate([0, 0, 0.6]) cylinder(r = core_radius, h = cylinder_length - 1.2);
+  translate([0, 0, cylinder_length - 0.6 - e]) cylinder(r1 = core_radius, r2 = core_radius - 0.6, h = 0.6 + e);
+}
+
 // The core of the cylinder, to be wrapped in paper. Print upright, with a brim.
 module cylinder_core() {
-  r = cylinder_radius - paper_thickness;
+  r = core_radius;
   difference() {
-    union() {
-      cylinder(r1 = r - 0.6, r2 = r, h = 0.6 + e);
-      translate([0, 0, 0.6]) cylinder(r = r, h = cylinder_length - 1.2);
-      translate([0, 0, cylinder_length - 0.6 - e]) cylinder(r1 = r, r2 = r - 0.6, h = 0.6 + e);
-    }
+    core_blank();
     translate([0, 0, -1]) cylinder(d = wire_diameter + 0.2, h = cylinder_length + 2, $fn = 24);
     // A headless M3 screw holds the wire at the proximal end; it stays below the surface.
     translate([0, 0, 4.5]) rotate([0, 90, 0]) cylinder(d = m3_pilot, h = r + 1, $fn = 24);
+  }
+}
+
+// Core of the catheter's cylinder, hollow, to be wrapped in paper. The catheter is glued into the proximal end, at
+// z = 0. The wire leaves it inside and passes through. Print upright, with a brim.
+module catheter_core() {
+  seat = catheter_diameter + 0.2;
+  difference() {
+    core_blank();
+    translate([0, 0, -1]) cylinder(d = passage_diameter, h = cylinder_length + 2, $fn = 24);
+    translate([0, 0, -1]) cylinder(d = seat, h = catheter_grip + 1, $fn = 24);
+    translate([0, 0, catheter_grip - e]) cylinder(d1 = seat, d2 = passage_diameter, h = 1, $fn = 24);
+    // Funnel for a wire that is threaded from the distal end.
+    translate([0, 0, cylinder_length - 3]) cylinder(d1 = passage_diameter, d2 = passage_diameter + 3, h = 3 + e, $fn = 24);
+    for (z = [8, catheter_grip - 8]) translate([0, 0, z]) rotate([0, 90, 0])  // for the glue
+      cylinder(d = 1.5, h = core_radius + 1, $fn = 24);
   }
 }
 
@@ -150,16 +175,17 @@ module pipe_end() {
 // End stop: a cup on the pipe's end, with a hole for the wire and vents around it.
 cap_wall = 3;
 vent_radius = bore_radius - vent_diameter / 2 - 0.2;  // of the circle of vents
-module pipe_cap() {
+module pipe_cap(through = wire_diameter) {
   difference() {
     cylinder(r = pipe_radius + 2.4, h = 10 + cap_wall);
     translate([0, 0, cap_wall]) cylinder(r = pipe_radius + fit, h = 11);
-    cap_openings(vent_count);
+    cap_openings(vent_count, through);
   }
 }
-module cap_openings(vents) {
-  translate([0, 0, -1]) cylinder(d = wire_diameter + 0.6, h = cap_wall + 2, $fn = 24);
-  translate([0, 0, -e]) cylinder(d1 = wire_diameter + 4, d2 = wire_diameter + 0.6, h = 2, $fn = 24);
+// `through` is the diameter of the wire or catheter.
+module cap_openings(vents, through = wire_diameter) {
+  translate([0, 0, -1]) cylinder(d = through + 0.6, h = cap_wall + 2, $fn = 24);
+  translate([0, 0, -e]) cylinder(d1 = wire_diameter + 4, d2 = through + 0.6, h = 2, $fn = 24);
   for (i = [0 : 1 : vents - 1]) rotate(-30 - 60 * i) translate([vent_radius, 0, -1])
     cylinder(d = vent_diameter, h = cap_wall + 2, $fn = 24);
 }
@@ -339,6 +365,20 @@ module catheter_lid() {
   }
 }
 
+// Joins two boxes end to end, so that their caps meet: the catheter's box, then the wire's. In the frame of the clamp.
+link_length = 2 * (pipe_length / 2 + cap_wall - box_length) + 1;
+module box_link() {
+  difference() {
+    union() {
+      for (x = [0, link_length - 5]) translate([x, -26, -18]) cube([5, 52, 18]);
+      translate([0, -14, -18]) cube([link_length, 28, 18]);
+    }
+    translate([-1, 0, 0]) rotate([0, 90, 0]) cylinder(r = pipe_radius + 3.2, h = link_length + 2);
+    for (s = [-1, 1]) translate([-1, s * 20, -10]) rotate([0, 90, 0])
+      cylinder(d = m3_hole, h = link_length + 2, $fn = 24);
+  }
+}
+
 // Joystick and buttons; a lid without a bottom, standing on the table. Print face down.
 panel = [120, 76, 34];
 module control_panel() {
@@ -397,6 +437,9 @@ module assembly_piece(name) {
 }
 
 if (part == "cylinder_core") cylinder_core();
+else if (part == "catheter_core") catheter_core();
+else if (part == "pipe_cap_catheter") pipe_cap(catheter_diameter);
+else if (part == "box_link") translate([0, 0, 18]) box_link();
 else if (part == "pipe_end") pipe_end();
 else if (part == "pipe_cap") pipe_cap();
 else if (part == "pipe_cap_switch") pipe_cap_switch();

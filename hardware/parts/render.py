@@ -31,6 +31,10 @@ PARTS = {
     "catheter_clamp": 1,
     "catheter_lid": 1,
     "control_panel": 1,
+    # For two sensors.
+    "catheter_core": 1,
+    "pipe_cap_catheter": 1,
+    "box_link": 1,
 }
 
 # Pieces of the assembly, with their colors.
@@ -47,7 +51,7 @@ ASSEMBLY = {
     "placed_wire": (40, 40, 46),
 }
 # View direction of parts that are not seen from above: azimuth and elevation in degrees.
-VIEWS = {"pipe_cap": (-60, -40), "pipe_cap_switch": (60, -40)}
+VIEWS = {"pipe_cap": (-60, -40), "pipe_cap_switch": (60, -40), "pipe_cap_catheter": (-60, -40)}
 SAMPLES = 2
 BACKGROUND = (255, 255, 255)
 

@@ -180,6 +180,16 @@ class Budget(unittest.TestCase):
         self.assertAlmostEqual(budget.cylinder_kg(), 0.0094, delta=0.001)
         self.assertAlmostEqual(budget.friction_n(), 0.3 * 9.81 * budget.cylinder_kg())
 
+    def test_hollow_cylinder_is_held_down_and_leaves_the_wire_free(self):
+        model = budget.MODEL
+        hollow = budget.cylinder_kg("catheter_core")
+        # A passage of 2 mm through 170 mm, a seat of 2.6 mm through 30 mm, less the core of the wire's.
+        taken_mm3 = math.pi / 4 * (140 * (2.0**2 - 1.1**2) + 30 * (2.6**2 - 1.1**2))
+        self.assertAlmostEqual(budget.cylinder_kg() - hollow, taken_mm3 * 1e-9 * 1240 * 0.6, delta=1e-4)
+        self.assertGreater(budget.lifting_force_n("catheter_core"), 3 * 9.81 * hollow / 1.2)
+        self.assertGreater((2.0 - 0.9) / 2, 0.15 + 0.3)
+        self.assertAlmostEqual(model["passage_play"], (2.0 - 0.9) / 2)
+
     def test_roll_and_radius(self):
         # A shift by 0.3 mm across moves the crest past the sensor by the same distance.
         self.assertAlmostEqual(budget.roll_rad(0.15, 5) * 5, 0.3)

@@ -1,12 +1,14 @@
 """Renders every printed part with OpenSCAD: it must be closed, face outward and have the size in the table."""
 
 import functools
+import math
 import os
 import subprocess
 import tempfile
 import unittest
 
 import budget
+import print_files
 import render
 import stl
 import tables
@@ -70,14 +72,21 @@ class Checker(unittest.TestCase):
 
 class Parts(unittest.TestCase):
     def test_every_part_renders_closed_and_as_listed(self):
+        """The files are those of a release: one for each part, and for each variant."""
         listed = {row["part"]: row for row in tables.rows_of("parts/parts.csv")}
         self.assertEqual(set(listed), set(render.PARTS))
         with tempfile.TemporaryDirectory() as work:
+            print_files.write(work)
+            self.assertEqual(set(os.listdir(work)),
+                             {name + ".stl" for name in [*render.PARTS, "catheter_clamp_switch"]})
+            clamps = [stl.bounds(stl.read_stl(os.path.join(work, f"catheter_clamp{variant}.stl")))[1]
+                      for variant in ("", "_switch")]
+            self.assertGreater(clamps[1][0], clamps[0][0] + 3, "no room for the end switch")
+            with self.assertRaisesRegex(FileExistsError, "remove it, or give another folder"):
+                print_files.write(work)
             for name in render.PARTS:
                 with self.subTest(part=name):
-                    path = os.path.join(work, name + ".stl")
-                    render.make_stl(name, path)
-                    triangles = stl.read_stl(path)
+                    triangles = stl.read_stl(os.path.join(work, name + ".stl"))
                     self.assertEqual(stl.defects(triangles), [])
                     _, pieces, size, volume = render.table_row(name, triangles).split(",")
                     self.assertEqual(listed[name]["pieces"], pieces)
@@ -156,6 +165,37 @@ class Parts(unittest.TestCase):
                 pipe = max(crossings(piece("placed_pipe"), i * x, j * y))
                 self.assertGreater(min(faces) - lowering, pipe)
 
+    def test_wire_passes_through_the_catheters_cylinder(self):
+        """Its outside is that of the wire's cylinder, so that the same springs press it down."""
+        hollow, solid = piece("catheter_core"), piece("cylinder_core")
+        self.assertEqual(stl.bounds(hollow), stl.bounds(solid))
+        model = budget.MODEL
+        for angle in range(0, 360, 30):
+            x, y = (math.cos(math.radians(angle + 5)), math.sin(math.radians(angle + 5)))
+            wire = (model["wire_diameter"] / 2 + model["passage_play"] - 0.1)
+            self.assertEqual(crossings(hollow, wire * x, wire * y), [], "the passage is not free")
+            # The catheter ends at its seat's bottom; further out, the wall is whole.
+            seat = crossings(hollow, 1.17 * x, 1.17 * y)
+            self.assertGreater(min(seat), model["catheter_grip"] - 0.1)
+            self.assertLess(min(seat), model["catheter_grip"] + 1.1)
+            self.assertLess(min(crossings(hollow, 2.9 * x, 2.9 * y)), 0.1)
+
+    def test_catheter_passes_through_its_cap_beside_the_vents(self):
+        cap, model = piece("pipe_cap_catheter"), budget.MODEL
+        self.assertEqual(stl.bounds(cap), stl.bounds(piece("pipe_cap")))
+        radius = model["catheter_diameter"] / 2
+        self.assertEqual(crossings(cap, radius, 0), [])
+        self.assertEqual(crossings(cap, 0, -radius), [])
+
+    def test_link_brings_the_caps_of_two_boxes_together(self):
+        model = budget.MODEL
+        low, high = stl.bounds(piece("box_link"))
+        overhang = model["pipe_length"] / 2 + model["cap_wall"] - model["box_length"]
+        self.assertAlmostEqual(high[0] - low[0], 2 * overhang + 1)
+        # Its screws are those of the clamp.
+        clamp = stl.bounds(piece("catheter_clamp"))
+        self.assertAlmostEqual(high[1] - low[1], clamp[1][1] - clamp[0][1])
+
     def test_caps_let_the_air_out(self):
         """The volume that the vents take from the wall of a cap."""
         volumes = []
@@ -174,7 +214,6 @@ class Parts(unittest.TestCase):
             for name, settings in (
                 ("pipe_middle", ("cylinder_radius=8", "window_width=12")),
                 ("sensor_carrier", ("board_x=32", "board_y=28", "board_lens_x=16")),
-                ("catheter_clamp", ("end_switch=true",)),
             ):
                 render.make_stl(name, path, settings)
                 self.assertEqual(stl.defects(stl.read_stl(path)), [], name)

@@ -36,8 +36,9 @@ class Wiring(unittest.TestCase):
         wires[index] = replace(wires[index], **changes)
         return wiring.problems(wires, self.pins)
 
-    def test_firmware_has_all_ten_signals(self):
-        self.assertEqual(len(self.pins), 10)
+    def test_firmware_has_all_eleven_signals(self):
+        self.assertEqual(len(self.pins), 11)
+        self.assertEqual(self.pins["NCS_2"], ("PB5", "9"))
         self.assertEqual(self.pins["NCS"], ("PB6", "10"))
         self.assertEqual(self.pins["JOYSTICK_X"], ("PF7", "A0"))
         self.assertEqual(self.pins["REFERENCE"], ("PC6", "5"))
@@ -48,6 +49,11 @@ class Wiring(unittest.TestCase):
     def test_wrong_pin_is_found(self):
         found = self.changed("NCS", "controller", start=("controller", "9"))
         self.assertIn("NCS: the firmware uses PB6, pin 10; wired is 9", found)
+
+    def test_second_sensor_on_the_first_ones_select_is_found(self):
+        found = self.changed("NCS_2", "controller", start=("controller", "10"))
+        self.assertTrue(any("controller 10 is on nets" in text for text in found), found)
+        self.assertTrue(any("NCS_2: the firmware uses PB5, pin 9" in text for text in found), found)
 
     def test_two_nets_on_a_pin_are_found(self):
         found = self.changed("XRAY", "controller", start=("controller", "3"))
@@ -112,7 +118,7 @@ class Diagram(unittest.TestCase):
                 self.assertIn(wiring.TITLES.get(part, part), words)
                 self.assertIn(pin, words)
         colors = [element.get("stroke") for element in root.iter("{http://www.w3.org/2000/svg}path")]
-        for net in ("NCS", "SCLK", "MOSI", "MISO", "XRAY", "CLUTCH"):
+        for net in ("NCS", "NCS_2", "SCLK", "MOSI", "MISO", "XRAY", "CLUTCH"):
             color = next(wire.color for wire in wiring.load() if wire.net == net)
             self.assertIn(wiring.INK[color], colors)
 
