@@ -186,7 +186,8 @@ endfunction()
 # [THREADED | THREADED_CASES spec] [REAL_TIME] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become
 # CTest tests with that label. COST: of each case, as above. PRELOAD: runs under that library.
 # THREADED: its code has threads, so the tsan build runs it. THREADED_CASES: the tsan build runs only the cases of
-# Catch2's `spec`. REAL_TIME: it counts losses of a chain of programs, so no other test runs beside it.
+# Catch2's `spec`. REAL_TIME: it counts losses of a chain of programs, so at most one other test
+# runs beside it, and no other chain.
 # SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
 function(torquer_test name)
   cmake_parse_arguments(ARG "THREADED;REAL_TIME;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;THREADED_CASES" "SOURCES;LINK" ${ARGN})
@@ -223,7 +224,7 @@ function(torquer_test name)
     list(APPEND properties COST ${ARG_COST})
   endif()
   if(ARG_REAL_TIME)
-    list(APPEND properties RUN_SERIAL ON)
+    list(APPEND properties RESOURCE_LOCK real_time PROCESSORS 2)
   endif()
   if(TORQUER_SANITIZE AND ARG_SANITIZED_BY_SOAK)
     # One test, so that CTest knows it whether it was built or not.
