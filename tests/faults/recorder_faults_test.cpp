@@ -35,10 +35,13 @@ bool Appears(const std::string& path, ChildProcess& process) {
   return fs::exists(path);
 }
 
+// True if the newest part of a log has bytes. A part that has just begun has none, and an earlier
+// part may already be removed.
 bool HasBytes(const std::string& path) {
+  const auto later = LaterLogParts(path);
   std::error_code none;
-  const std::uintmax_t bytes = fs::file_size(path, none);
-  return (!none && bytes > 0) || !LaterLogParts(path).empty();
+  const std::uintmax_t bytes = fs::file_size(later.empty() ? path : later.back(), none);
+  return !none && bytes > 0;
 }
 
 // Number of records in a log and its parts; -1 if there is no log. A disk may cut off the last

@@ -6,7 +6,7 @@ import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 
 const BROWSER = "/usr/bin/chromium";
-const PATIENCE_MS = 20000; // for a busy machine; nothing is measured by it
+const PATIENCE_MS = 60000; // for a busy machine; nothing is measured by it
 
 /** Polls `condition` and returns its first true value. Throws an error that names `what` on timeout. */
 export async function until(what, condition) {

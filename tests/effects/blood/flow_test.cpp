@@ -172,7 +172,7 @@ TEST_CASE("Flow that cannot be is refused with key, value and remedy", "[effects
   CHECK_THAT(Refusal(kFork + kInlet +
                      "[[effects.flow.outlet]]\ncenterline = \"stem\"\n"
                      "pressure_mmHg = 5\n"),
-             Contains("no outlet"));
+             Contains("not an outlet"));
   CHECK_THAT(Refusal(kFork + kInlet + "[[effects.flow.outlet]]\ncenterline = \"left\"\n"),
              Contains("pressure_mmHg: is missing"));
   CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\ninlet_mean_mmHg = 5\n"
