@@ -107,8 +107,8 @@ uint8_t BenchFirmware::ReadContacts() const {
 
 void BenchFirmware::Frame() {
   const uint32_t sampled_us = board::NowUs();
-  const bool second = second_turn_;
-  second_turn_ = second_ != nullptr && !second_turn_;
+  const bool second = second_ != nullptr && second_turn_;
+  second_turn_ = !second;
   MotionSensor& sensor = second ? *second_ : sensor_;
   ReportBuilder& builder = second ? second_report_ : report_;
   sensor.BeginRead();

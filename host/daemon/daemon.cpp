@@ -215,9 +215,10 @@ bool Daemon::CheckSensorOnceItAnswers(const device::SourceEvent& event) {
     if (connections_ == 1) throw;
     OnTrouble(error.what());
     source_->LetGo("was let go");
-  } catch (const device::FeatureError&) {  // asked again with the next report
+    return false;
+  } catch (const device::FeatureError&) {
+    return false;  // asked again with the next report
   }
-  return false;
 }
 
 // Sets the device to the sensor resolution for which the calibration's gains hold.

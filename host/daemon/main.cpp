@@ -171,7 +171,7 @@ std::unique_ptr<torquer::daemon::Daemon> MakeSecond(const Arguments& arguments,
   options.instrument = arguments.second_instrument;
   options.calibration_by_serial = !arguments.uncalibrated;
   return std::make_unique<torquer::daemon::Daemon>(
-      std::move(options), bus, std::make_unique<torquer::device::SensorView>(first));
+      std::move(options), bus, std::make_unique<torquer::device::SensorView>(&first));
 }
 
 int RunDaemon(const Arguments& arguments) {

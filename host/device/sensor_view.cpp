@@ -10,8 +10,8 @@ namespace torquer::device {
 SensorView::SensorView(std::shared_ptr<ReportSource> box, int sensor)
     : box_(std::move(box)), sensor_(sensor) {}
 
-SensorView::SensorView(SensorView& first) : box_(first.box_), sensor_(2), first_(&first) {
-  first.second_ = this;
+SensorView::SensorView(SensorView* first) : box_(first->box_), sensor_(2), first_(first) {
+  first->second_ = this;
 }
 
 void SensorView::Wait(int timeout_ms, const Sink& sink) {

@@ -17,8 +17,8 @@ class SensorView final : public ReportSource {
   /// Sensor 1 or 2 of `box`. The reports of the other one are dropped.
   SensorView(std::shared_ptr<ReportSource> box, int sensor);
   /// Second sensor of the box that `first` reads. Its events come from first.Wait(); its own Wait()
-  /// does not read. `first` must outlive it.
-  explicit SensorView(SensorView& first);
+  /// does not read. `first` is not null and must outlive it.
+  explicit SensorView(SensorView* first);
 
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override { box_->LetGo(reason); }
@@ -41,8 +41,8 @@ class SensorView final : public ReportSource {
 
   std::shared_ptr<ReportSource> box_;
   const int sensor_;
-  SensorView* first_ = nullptr;   // which reads for this one
-  SensorView* second_ = nullptr;  // for which this one reads
+  SensorView* first_ = nullptr;   // view that reads for this one
+  SensorView* second_ = nullptr;  // view for which this one reads
   std::deque<Kept> kept_;         // events for Wait(), of a view that does not read
 };
 

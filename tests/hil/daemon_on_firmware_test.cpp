@@ -21,7 +21,6 @@ namespace {
 using namespace torquer::hil;
 using torquer::emulator::BenchDevice;
 using torquer::emulator::BenchOptions;
-using torquer::emulator::FirmwareImage;
 using torquer::emulator::HandState;
 using torquer::emulator::UmockdevBench;
 using torquer::emulator::UsbHost;
