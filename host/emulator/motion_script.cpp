@@ -14,8 +14,9 @@ namespace torquer::emulator {
 namespace {
 
 constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons";
-const std::string kTwoHeader =
-    std::string(kHeader) + ",catheter_insertion_mm,catheter_rotation_rad";
+constexpr char kTwoHeader[] =
+    "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons,"
+    "catheter_insertion_mm,catheter_rotation_rad";
 enum Column : std::size_t {
   kTime,
   kInsertion,

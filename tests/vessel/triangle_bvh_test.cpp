@@ -122,7 +122,7 @@ TEST_CASE("a ray meets a part if it hits a triangle of it beyond the least dista
   const TriangleMesh tube = mesh;
   const auto offset = static_cast<int32_t>(mesh.vertices_mm.size());
   for (const Vector3d& vertex : tube.vertices_mm)
-    mesh.vertices_mm.push_back(vertex + Vector3d(0, 20, 0));
+    mesh.vertices_mm.emplace_back(vertex + Vector3d(0, 20, 0));
   for (const auto& t : tube.triangles)
     mesh.triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
   std::vector<int> parts(mesh.triangles.size(), 1);
