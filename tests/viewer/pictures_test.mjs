@@ -118,6 +118,7 @@ test("a narrower field with shutters", async () => {
   await page.keyboard.press("KeyZ");
   await page.keyboard.press("KeyK");
   await until("they are chosen", async () => (await text("#system-K span")) === "shutters 10 %");
+  await until("so is the field", async () => (await text("#system-Z span")) !== "field ×1");
   await pulses(5);
   const [picture, whole] = [await canvas(), await wholePage()];
   for (let k = 0; k < 4 && (await text("#system-K span")) !== "shutters open"; ++k) {
@@ -184,6 +185,9 @@ const later = async (seconds) => {
 };
 // Simulated time in which the dye reaches its farthest extent.
 const DYE_S = 7;
+// A busy page sees few pictures of the dye, which moves by about a block between two of them.
+const isNear = (blocks, block) =>
+  [-33, -32, -31, -1, 0, 1, 31, 32, 33].some((step) => blocks.has(block + step));
 
 test("in subtraction dye is dark and the rest even; a road map keeps past dye bright", async () => {
   await mode("subtraction");
@@ -207,7 +211,7 @@ test("in subtraction dye is dark and the rest even; a road map keeps past dye br
   });
   const within = [...map.bright].filter((block) => filled.has(block)).length;
   assert.ok(within > 0.6 * filled.size, `of ${filled.size} blocks that were filled ${within} are bright in the map`);
-  const strange = [...map.bright].filter((block) => !touched.has(block)).length;
+  const strange = [...map.bright].filter((block) => !isNear(touched, block)).length;
   assert.ok(strange < 0.05 * map.bright.size, `${strange} of ${map.bright.size} blocks of the map had no dye`);
   assert.ok(map.dark.size < 0.1 * filled.size, `${map.dark.size} blocks of the map are dark`);
 });
