@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torquer
 from batch_runs import ENVIRONMENT
-from torquer.importer._base import Progress
+from torquer._command import Progress
 from torquer.validate import fit as fits
 from torquer.validate import shapes
 from torquer.validate.__main__ import validate

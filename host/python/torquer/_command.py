@@ -1,4 +1,4 @@
-"""Common parts of the commands: optional packages, completion, and an end that is correct even if a standard
+"""Common parts of the commands: optional packages, progress, completion, and an end that is correct even if a standard
 stream is closed, full, limited or without a reader."""
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ import importlib
 import io
 import os
 import sys
-from typing import Any, Callable, TextIO, cast
+import time
+from typing import Any, Callable, Optional, TextIO, cast
 
 from . import Error
 
@@ -42,6 +43,30 @@ def need(command: str, module: str, package: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         raise Error(f"{command} needs the package {package}: apt-get install {package}") from None
+
+
+class Progress:
+    """Progress of a command: the name of each step, and its time when the next one begins."""
+
+    def __init__(self, out: Optional[TextIO] = None) -> None:
+        self._out = out
+        self._began: Optional[float] = None
+        self._terminal = out is not None and out.isatty()
+
+    def step(self, name: str) -> None:
+        self.end()
+        self._began = time.monotonic()
+        self._write(f"{name} .." + ("" if self._terminal else "\n"))
+
+    def end(self) -> None:
+        if self._began is not None and self._terminal:
+            self._write(f" {time.monotonic() - self._began:.0f} s\n")
+        self._began = None
+
+    def _write(self, text: str) -> None:
+        if self._out is not None:
+            self._out.write(text)
+            self._out.flush()
 
 
 class Completion(argparse.Action):

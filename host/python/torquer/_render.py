@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation
+from ._polyline import arcs_of, at_arcs
 
 Picture = npt.NDArray[np.uint8]
 
@@ -79,11 +80,8 @@ class WireView:
         """Pixels of the polyline through nodes."""
         if len(nodes_mm) < 2:
             return self._pixels(nodes_mm)
-        ways_mm = np.linalg.norm(np.diff(nodes_mm, axis=0), axis=1)
-        at_mm = np.concatenate([[0.0], np.cumsum(ways_mm)])
-        samples = np.arange(0.0, at_mm[-1], 0.5 / self._px_per_mm)
-        points = np.stack([np.interp(samples, at_mm, nodes_mm[:, axis]) for axis in range(3)], axis=1)
-        return self._pixels(points)
+        samples = np.arange(0.0, arcs_of(nodes_mm)[-1], 0.5 / self._px_per_mm)
+        return self._pixels(at_arcs(nodes_mm, samples))
 
     @staticmethod
     def _disk(picture: Picture, row: int, column: int, radius: float, color: Tuple[int, int, int]) -> None:

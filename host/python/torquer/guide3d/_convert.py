@@ -18,7 +18,8 @@ from .. import __build__, __version__
 from ..export import write_folder
 from . import _annotations, _cameras, _curves, _registration
 from ._annotations import Frame, Video
-from ._base import Array, Error, need, rms
+from .._polyline import rms
+from ._base import Array, Error, need
 from ._cameras import Pair
 from ._registration import Minimum
 

@@ -7,8 +7,9 @@ from typing import Any, Tuple
 
 import numpy as np
 
+from .._polyline import arcs_of, at_arcs, rms
 from ._annotations import Frame
-from ._base import Array, arcs_of, at_arcs, need, rms
+from ._base import Array, need
 from ._cameras import Pair
 
 _SAMPLES = 150

@@ -8,7 +8,8 @@ from typing import Any, List, Sequence, Tuple
 import numpy as np
 
 from .. import Scene, Surface
-from ._base import Array, Error, need, rms
+from .._polyline import rms
+from ._base import Array, Error, need
 
 STARTS, LARGEST_TURN_DEG, SHIFT_MM = 40, 30.0, 10.0
 ALIKE = 1.25

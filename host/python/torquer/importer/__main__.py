@@ -15,7 +15,7 @@ import numpy as np
 from .. import Error, Scene, __version__, _command
 from ..centerlines import UNITS
 from . import _given, case, centerlines, lumen, scan, surface
-from ._base import Progress, need
+from ._base import need
 
 
 def _point(option: str, text: str) -> Any:
@@ -37,7 +37,7 @@ def _label_mesh(read: scan.Scan, number: int) -> surface.Mesh:
     return surface.isosurface(picture, 0.5, read.affine)
 
 
-def _from_scan(folder: pathlib.Path, arguments: argparse.Namespace, progress: Progress) -> Tuple[surface.Mesh, List[str]]:
+def _from_scan(folder: pathlib.Path, arguments: argparse.Namespace, progress: _command.Progress) -> Tuple[surface.Mesh, List[str]]:
     """Surface of the lumen in a scan or a label map, and sentences about the steps."""
     seeds = np.array([_point("--seed", text) for text in arguments.seed]).reshape(-1, 3)
     progress.step("Reading the scan")
@@ -67,7 +67,7 @@ def _from_scan(folder: pathlib.Path, arguments: argparse.Namespace, progress: Pr
 
 
 def _from_surface(
-    arguments: argparse.Namespace, root: Optional[Any], progress: Progress
+    arguments: argparse.Namespace, root: Optional[Any], progress: _command.Progress
 ) -> Tuple[surface.Mesh, Optional[List[centerlines.Curve]], List[str]]:
     """Repaired surface, its centerlines if they are given, and sentences about the steps."""
     progress.step("Reading the surface")
@@ -83,7 +83,7 @@ def _from_surface(
     return mesh, curves, facts
 
 
-def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: Progress) -> str:
+def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: _command.Progress) -> str:
     """Makes all files in a folder; returns a description."""
     root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
     curves: Optional[List[centerlines.Curve]] = None
@@ -139,7 +139,7 @@ def import_case(arguments: argparse.Namespace) -> str:
     temporary = None
     try:
         temporary = pathlib.Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-        said = _build(temporary, out.name, arguments, Progress(sys.stderr))
+        said = _build(temporary, out.name, arguments, _command.Progress(sys.stderr))
         temporary.chmod(0o755)
         temporary.rename(out)
         temporary = None

@@ -1,9 +1,8 @@
-"""Parts that every step of the importer uses: optional packages, progress, points and vectors."""
+"""Parts that every step of the importer uses: optional packages, points and vectors."""
 
 from __future__ import annotations
 
-import time
-from typing import Any, Optional, TextIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,30 +28,6 @@ def need(module: str) -> Any:
     return _command.need("torquer-import", module, _PACKAGES[module.split(".")[0]])
 
 
-class Progress:
-    """Progress of an import: the name of each step, and its time when the next one begins."""
-
-    def __init__(self, out: Optional[TextIO] = None) -> None:
-        self._out = out
-        self._began: Optional[float] = None
-        self._terminal = out is not None and out.isatty()
-
-    def step(self, name: str) -> None:
-        self.end()
-        self._began = time.monotonic()
-        self._write(f"{name} .." + ("" if self._terminal else "\n"))
-
-    def end(self) -> None:
-        if self._began is not None and self._terminal:
-            self._write(f" {time.monotonic() - self._began:.0f} s\n")
-        self._began = None
-
-    def _write(self, text: str) -> None:
-        if self._out is not None:
-            self._out.write(text)
-            self._out.flush()
-
-
 def as_text(point: Any, digits: int = 1) -> str:
     """A point or vector for a message."""
     return "(" + ", ".join(f"{value:.{digits}f}" for value in point) + ")"
@@ -70,4 +45,4 @@ def unit(vector: Any) -> npt.NDArray[np.float64]:
     return out
 
 
-__all__ = ["Error", "Points", "Progress", "as_text", "moved", "need", "unit"]
+__all__ = ["Error", "Points", "as_text", "moved", "need", "unit"]

@@ -8,6 +8,7 @@ from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
+from .._polyline import arcs_of, at_arcs
 from ._base import need, unit
 from .centerlines import Curve
 from .surface import Mesh
@@ -38,11 +39,11 @@ def entry_of(curve: Curve, at_start: bool) -> Entry:
     """Entry behind the tip at an end of a curve."""
     points = curve.points if at_start else curve.points[::-1]
     radii = curve.radii if at_start else curve.radii[::-1]
-    arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    arcs = arcs_of(points)
     radius = float(np.median(radii[arcs <= max(5.0, 2 * float(radii[0]))]))
     behind = min(_BEHIND_RADII * radius, 0.4 * float(arcs[-1]))
     ahead = min(2 * behind, float(arcs[-1]))
-    place, onward = (np.array([np.interp(at, arcs, points[:, axis]) for axis in range(3)]) for at in (behind, ahead))
+    place, onward = at_arcs(points, [behind, ahead])
     # Means over the length: single points of a curve turn near its tip.
     return Entry(f"{curve.name} {'start' if at_start else 'end'}", place, unit(onward - place), radius)
 

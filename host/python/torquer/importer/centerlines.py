@@ -18,6 +18,7 @@ from typing import Any, List, Optional, Tuple
 import numpy as np
 import numpy.typing as npt
 
+from .._polyline import arcs_of, resampled
 from ..export import slicer_curve
 from ._base import Error, Points, need
 from .surface import Mesh
@@ -57,7 +58,7 @@ class Curve:
 
     def lengths_mm(self) -> Floats:
         """Arc length of each point."""
-        return np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
+        return arcs_of(self.points)
 
 
 def sample(mesh: Mesh, step_mm: float, seed: int = 1) -> Tuple[Points, Points]:
@@ -210,13 +211,6 @@ def _root(graph: _Graph) -> int:
     return root
 
 
-def _resampled(points: Points, step_mm: float) -> Points:
-    arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    count = max(3, int(np.ceil(arcs[-1] / step_mm)) + 1)
-    at = np.linspace(0, arcs[-1], count)
-    return np.column_stack([np.interp(at, arcs, points[:, axis]) for axis in range(3)])
-
-
 def _centered(points: Points, wall: Any, wall_points: Points) -> Points:
     """The curve moved across itself, away from the nearest point of the wall, and smoothed."""
     for round_ in range(_ROUNDS):
@@ -228,7 +222,7 @@ def _centered(points: Points, wall: Any, wall_points: Points) -> Points:
         shift[1:-1] += _SMOOTHING * ((points[:-2] + points[2:]) / 2 - points[1:-1])
         shift -= np.einsum("ij,ij->i", shift, tangents)[:, None] * tangents
         points = points + shift
-    return _resampled(points, _STEP_MM)
+    return resampled(points, _STEP_MM)
 
 
 def _without_corner(points: Points, radii: Floats) -> int:
@@ -292,7 +286,7 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
     curves: List[Curve] = []
     kept: List[Optional[int]] = []
     for path, parent in _branches(graph, root):
-        line = _centered(_resampled(graph.points[path], _STEP_MM), wall, wall_points)
+        line = _centered(resampled(graph.points[path], _STEP_MM), wall, wall_points)
         above = None
         if parent is not None:
             above = kept[parent]

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Error, Scene, Simulation, _command
+from .._polyline import at_arcs
 from . import case, centerlines, scan, surface
 from .__main__ import arguments_of, import_case
 from ._base import Points, need
@@ -104,9 +105,7 @@ def run(vessel: Vessel, start: Simulation, way_mm: float, turn_rad: float) -> Ru
     for k in range(1, rows + 1):
         now.step(_ROW_S * k, [[_PUSH_MM * k, turn_rad]])
     nodes = vessel.to_lps(now.nodes_mm)
-    arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
-    at = np.arange(0, rows * _PUSH_MM, _PUSH_MM)
-    return Run(np.column_stack([np.interp(at, arcs, nodes[:, k]) for k in range(3)]), vessel.to_lps(now.tips_mm[0]))
+    return Run(at_arcs(nodes, np.arange(0, rows * _PUSH_MM, _PUSH_MM)), vessel.to_lps(now.tips_mm[0]))
 
 
 def runs(vessel: Vessel, entry: case.Entry, way_mm: float) -> List[Run]:

@@ -12,14 +12,13 @@ import numpy as np
 
 from .. import Error, Scene, __version__, _command
 from ..export import write_folder
-from ..importer._base import Progress
 from . import report, shapes
 from ._base import need
 from .fit import METHODS, Fit, fit, wire_of, with_name
 from .paths import Lumen
 
 
-def validate(scene_path: str, shapes_path: str, out: str, progress: Progress) -> str:
+def validate(scene_path: str, shapes_path: str, out: str, progress: _command.Progress) -> str:
     """Compares the shapes of a file with a scene's wire, and writes the folder `out`.
 
     Returns the table of medians. Raises Error naming the file, the defect and the remedy.
@@ -80,7 +79,7 @@ def main() -> int:
     # Ends as Ctrl-C does, so that no unfinished folder stays.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        print(validate(arguments.scene, arguments.shapes, arguments.out, Progress(sys.stderr)))
+        print(validate(arguments.scene, arguments.shapes, arguments.out, _command.Progress(sys.stderr)))
     except Error as error:
         print(f"torquer-validate: {error}", file=sys.stderr)
         return 2

@@ -10,7 +10,8 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from .. import Scene, Simulation
-from ._base import Error, Points, Values, arcs_of, as_tuple, at_arcs, nearest_mm
+from .._polyline import arcs_of, at_arcs, rms
+from ._base import Error, Points, Values, as_tuple, nearest_mm
 from .paths import Lumen
 from .shapes import Curve, Shape
 
@@ -170,10 +171,6 @@ def distances_mm(measured: Measured, line: Points, numbers: Any) -> Values:
     there = at_arcs(line, measured.shares[numbers] * arcs_of(line)[-1])
     out: Values = np.linalg.norm(measured.shape.points[numbers] - there, axis=1)
     return out
-
-
-def rms(values: Values) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def largest_apart_mm(one: Points, other: Points) -> float:

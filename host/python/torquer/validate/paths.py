@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Scene
-from ._base import Error, Points, Values, as_text, as_tuple, need, resampled
+from .._polyline import resampled
+from ._base import Error, Points, Values, as_text, as_tuple, need
 
 _MARGIN_MM = 25.0
 _MOST_PLACES, _FINEST_MM = 2_000_000, 0.5

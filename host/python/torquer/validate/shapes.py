@@ -13,7 +13,8 @@ import numpy as np
 
 from .._user_file import read_text
 from ..centerlines import MM, UNITS
-from ._base import Error, Points, Values, arcs_of, need
+from .._polyline import arcs_of
+from ._base import Error, Points, Values, need
 
 FEWEST_POINTS = 12
 _MOST_POINTS = 2000
