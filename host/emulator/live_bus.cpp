@@ -51,11 +51,16 @@ LiveBus::LiveBus(const std::string& url) : bus_(url), health_(bus_, "emulator") 
           ++refused_;
         } else if (hand_) {
           HandState target = hand_->target();
-          (catheter ? target.catheter_insertion_mm : target.insertion_mm) = motion.insertion_mm;
-          (catheter ? target.catheter_rotation_rad : target.rotation_rad) = motion.rotation_rad;
-          target.joystick_x = motion.joystick_x;
-          target.joystick_y = motion.joystick_y;
-          target.buttons = static_cast<std::uint8_t>(motion.buttons);
+          if (catheter) {
+            target.catheter_insertion_mm = motion.insertion_mm;
+            target.catheter_rotation_rad = motion.rotation_rad;
+          } else {
+            target.insertion_mm = motion.insertion_mm;
+            target.rotation_rad = motion.rotation_rad;
+            target.joystick_x = motion.joystick_x;
+            target.joystick_y = motion.joystick_y;
+            target.buttons = static_cast<std::uint8_t>(motion.buttons);
+          }
           hand_->Set(time_s_, target);
         }
       });

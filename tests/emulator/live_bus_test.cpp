@@ -125,6 +125,41 @@ TEST_CASE("live motion moves the box that it names, or every box") {
   CHECK(at(second_hand) == 9);
 }
 
+TEST_CASE("a motion of the catheter changes the second sensor's hand alone") {
+  test::NeedPrivateNetwork();
+  bus::Bus sender;
+  LiveBus box("");
+  box.SetSerial("BOX-1");
+  LiveHand hand;
+  double time_s = 0;
+  const auto send = [&](const std::string& device, double insertion_mm, double joystick_x,
+                        int buttons, auto reached) {
+    hand_motion_t motion{};
+    motion.device = device;
+    motion.insertion_mm = insertion_mm;
+    motion.rotation_rad = insertion_mm / 10;
+    motion.joystick_x = joystick_x;
+    motion.buttons = static_cast<std::int8_t>(buttons);
+    sender.Publish(protocol::kHandMotionChannel, motion);
+    for (int i = 0; i < 6000 && !reached(hand.target()); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      box.Service(time_s += 1, &hand);
+    }
+    return hand.target();
+  };
+  send("BOX-1", 5, 0.5, protocol::kButtonXray,
+       [](const HandState& at) { return at.insertion_mm == 5; });
+  const HandState at = send("BOX-1.2", 7, 0, 0, [](const HandState& target) {
+    return target.catheter_insertion_mm == 7;
+  });
+  CHECK(at.catheter_insertion_mm == 7);
+  CHECK(at.catheter_rotation_rad == Approx(0.7));
+  CHECK(at.insertion_mm == 5);
+  CHECK(at.rotation_rad == Approx(0.5));
+  CHECK(at.joystick_x == 0.5);
+  CHECK(at.buttons == protocol::kButtonXray);
+}
+
 TEST_CASE("a live hand glides to each new place in the time between messages") {
   LiveHand hand;
   hand.Set(1.00, {10, 0, 0, 0, 0});
