@@ -18,8 +18,8 @@ inline constexpr int kCalibrationFileVersion = 1;
 std::string FormatCalibration(const Calibration& calibration);
 
 /// The calibration in `text`; `path` is for messages only. Throws UserError if the text is not a
-/// calibration, has a newer version, was truncated or edited, has a value out of range, or has an
-/// unknown key. The message names the file, line or field, value and remedy.
+/// calibration, has a newer version, or was truncated or edited. Also throws for an unknown key and
+/// a value out of range. The message names the file, line or field, value and remedy.
 Calibration ParseCalibration(const std::string& text, const std::string& path);
 
 /// Reads and checks a file. Throws UserError as ParseCalibration() does, or when it cannot be read.

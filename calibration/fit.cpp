@@ -22,8 +22,8 @@ constexpr double kRoundingVariance = 2.0 / 12.0;
 
 using Vector2 = std::array<double, 2>;
 
-// Unknowns of the fit: counts per mm of push (0, 1) and per rad of turn (2, 3), axial before
-// transverse.
+// Unknowns of the fit: counts per mm of push (0, 1) and per rad of turn (2, 3). Axial counts come
+// before transverse counts.
 using Unknowns = std::array<double, 4>;
 
 // One independent source of error in the unknowns.

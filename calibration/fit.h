@@ -3,9 +3,9 @@
 // Sensor counts are nearly exact; the motion of the hand is uncertain. Pushes give the counts per
 // mm, turns the counts per rad. Each is a weighted line through the origin in the plane of counts.
 // The scatter of the strokes gives the error of the line, without assumptions about ruler and hand.
-// An error common to all strokes causes no scatter, such as a wrong distance of the end stops or a
-// habit of the hand. Such errors are declared and added. Formulas: README.md beside this file. No
-// I/O.
+// An error common to all strokes causes no scatter. Examples are a wrong distance of the end stops
+// and a habit of the hand. Such errors are declared and added. Formulas: README.md beside this
+// file. No I/O.
 #pragma once
 
 #include <span>
@@ -93,9 +93,9 @@ struct MotionFit {
 /// Length of the push that push_error_mm refers to: the device's travel.
 inline constexpr double kFigureStrokeMm = 150.0;
 
-/// Throws UserError for a number that is not finite or not as above, for fewer than two pushes or
-/// two turns, and for a single raised push. Also throws if pushes and turns change the counts in
-/// the same direction. The message names the stroke, value and remedy.
+/// Throws UserError for a number that is not finite or not as above. Throws for fewer than two
+/// pushes or two turns, and for a single raised push. Also throws if pushes and turns change the
+/// counts in the same direction. The message names the stroke, value and remedy.
 MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common, int cpi);
 
 /// A joystick axis from readings (0 .. 1023) with the stick at rest, released several times, and

@@ -19,8 +19,8 @@ inline constexpr int kFocusSide = 36;
 inline constexpr int kFocusPixels = kFocusSide * kFocusSide;
 inline constexpr std::uint8_t kFocusWhite = 127;
 
-/// kFocusPixels pixels in the sensor's order (PMW3360 data sheet, figure 24): line by line around
-/// the cylinder (x of the sensor), and within a line along the pipe (y).
+/// kFocusPixels pixels in the sensor's order (PMW3360 data sheet, figure 24). Lines follow each
+/// other around the cylinder (x of the sensor). Within a line, pixels follow the pipe (y).
 using FocusPicture = std::vector<std::uint8_t>;
 
 /// Figures measured in pictures of one surface. Several pictures should show different places.

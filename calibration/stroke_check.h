@@ -3,8 +3,8 @@
 //
 // Each stroke is first checked alone: sensor not lifted, long enough, a push. Then it is compared
 // with the other strokes of its kind. The distance of an outlier from their median exceeds four
-// times its declared error. It also exceeds four times the error that their scatter suggests, so
-// that an unsteady hand is measured and not refused.
+// times its declared error. It also exceeds four times the error that their scatter suggests. So an
+// unsteady hand is measured and not refused.
 #pragma once
 
 #include <optional>

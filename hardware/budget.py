@@ -156,8 +156,7 @@ def focus_mm() -> dict[str, tuple[float, float]]:
     ceiling."""
     rest = MODEL["lens_plane"] - MODEL["crest_at_rest"]
     lifted = MODEL["lens_plane"] - MODEL["crest_lifted"]
-    # The board's seat and the flat on the pipe are printed heights, over which the lens and the
-    # cylinder's radius vary.
+    # The board's seat and the flat on the pipe have printed heights. The lens and the cylinder's radius vary too.
     printed = 2 * PRINT_MM + FLANGE_MM + RADIUS_MM_ERROR
     step = MODEL["focus_step"] / 2
     return {

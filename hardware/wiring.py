@@ -19,8 +19,8 @@ SENSOR_VDD_V = (1.8, 2.1)  # PMW3360 data sheet 1.50: operating voltage
 # Pedal's line while the pedal is open, by the data sheet of the ATmega32U4 (DC characteristics).
 PULL_UP_OHM = (20e3, 50e3)
 INPUT_LEAKAGE_UA = 1.0
-# Suppressor diodes: standoff voltage in V, and the largest leakage there in uA at 25 degrees C, from the data sheets of
-# the series SA and P6KE. Up to 10 V, a bidirectional type leaks twice as much as a unidirectional type.
+# Suppressor diodes: standoff voltage in V, and the largest leakage there in uA at 25 degrees C. Source: the data sheets
+# of the series SA and P6KE. Up to 10 V, a bidirectional type leaks twice as much as a unidirectional type.
 DIODES = {"SA5.0A": (5.0, 600), "SA6.5CA": (6.5, 800), "SA8.5CA": (8.5, 20), "SA9.0CA": (9.0, 10),
           "P6KE6.8A": (5.8, 1000), "P6KE6.8CA": (5.8, 2000), "P6KE11CA": (9.4, 10)}
 LEAKAGE_DOUBLES_K = 10.0  # rule for silicon

@@ -1,5 +1,5 @@
-// Layout of a firmware image in the device's flash: the application from address 0, and a trailer
-// in a separate page. The trailer is written last and proves that the image is complete.
+// Layout of a firmware image in the device's flash. The application begins at address 0, and a
+// separate page holds a trailer. The trailer is written last and proves that the image is complete.
 //
 // Its readers are the bootloader, the application's self-test, the build step that fills in the
 // trailer, torquer-flash and the emulator. C++14 under avr-gcc, C++20 on the host, as
@@ -33,8 +33,8 @@ constexpr bool IsKnownBoard(uint8_t board) {
   return board == kBoardBenchAtmega32u4 || board == kBoardTwoSensorsAtmega32u4;
 }
 
-/// Crystal and CPU clock in a byte: the crystal in MHz, and kHalfClock if the CPU runs at half of
-/// it. Programs that do not know this bit refuse the clock.
+/// Crystal and CPU clock in a byte: the crystal in MHz. Bit kHalfClock is set if the CPU runs at
+/// half of it. Programs that do not know this bit refuse the clock.
 constexpr uint8_t kHalfClock = 0x80;
 constexpr uint8_t ClockCode(uint8_t crystal_mhz, uint8_t cpu_mhz) {
   return static_cast<uint8_t>(crystal_mhz | (cpu_mhz < crystal_mhz ? kHalfClock : 0));
