@@ -26,8 +26,8 @@ class MotionSensor {
   /// reports a fault.
   virtual void Start(uint16_t cpi) = 0;
 
-  /// Latches the newest motion. Call once a frame, and Read() about 40 us later: the sensor needs
-  /// that time, which other short work can use.
+  /// Latches the newest motion. Call once a frame, and Read() about 40 us later. The sensor needs
+  /// that time; other short work can use it.
   virtual void BeginRead() = 0;
   /// Reads the motion; takes at most 120 us.
   virtual MotionSample Read() = 0;

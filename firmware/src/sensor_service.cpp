@@ -6,8 +6,8 @@ namespace torquer {
 namespace firmware {
 namespace {
 
-// Longest wait for the next bytes of an image: before the burst, and within it, where a pause makes
-// the image invalid.
+// Longest wait for the next bytes of an image: before the burst, and within it. A pause within the
+// burst makes the image invalid.
 constexpr uint32_t kPatienceUs = 1000000;
 constexpr uint32_t kPatienceInBurstUs = 2000;
 constexpr uint16_t kPacketBytes = 32;

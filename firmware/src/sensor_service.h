@@ -1,8 +1,7 @@
-// The two long reports: a firmware image on its way to the sensor, and a picture on its way from
-// it.
+// The two long reports: a firmware image for the sensor, and a picture from the sensor.
 //
 // Both are bursts without pauses, longer than a frame. During a burst the device does no other work
-// and sends no input report: 25 ms for a picture, about 0.1 s for an image.
+// and sends no input report. A picture takes 25 ms, an image about 0.1 s.
 #pragma once
 
 #include <stdint.h>

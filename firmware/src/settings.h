@@ -38,8 +38,8 @@ class Settings {
   bool good() const { return good_; }
 
  private:
-  // Layout in the EEPROM. The marker is cleared first and set last, so that a copy with the
-  // marker is complete; the CRC reveals a damaged copy.
+  // Layout in the EEPROM. The marker is cleared first and set last, so a copy with the marker is
+  // complete. The CRC reveals a damaged copy.
   struct __attribute__((packed)) Record {
     uint8_t marker;
     uint8_t sequence;  // the copy with the later number is valid

@@ -15,7 +15,7 @@ class ReportHandler {
   /// Size of the largest report, without the long reports.
   static constexpr uint8_t kCapacity = 32;
 
-  /// Fills `report` (kCapacity bytes) with the report of that id; returns its size, or 0 if that id
+  /// Fills `report` (kCapacity bytes) with the report of that id. Returns its size, or 0 if that id
   /// cannot be read.
   virtual uint8_t GetInputReport(uint8_t id, uint8_t* report) = 0;
   virtual uint8_t GetFeatureReport(uint8_t id, uint8_t* report) = 0;
@@ -71,8 +71,8 @@ class UsbStack {
   /// True if the host allows the device to wake it.
   virtual bool may_wake_host() const = 0;
 
-  /// Queues a report. While the host does not poll, only the newest report is kept, so that the
-  /// host reads fresh data after a pause.
+  /// Queues a report. While the host does not poll, only the newest report is kept. So the host
+  /// reads fresh data after a pause.
   virtual void SendInput(const protocol::InputReport& report) = 0;
   /// Frames whose report found no room in the queue; saturates.
   virtual uint16_t frames_missed() const = 0;

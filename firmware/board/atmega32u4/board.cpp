@@ -18,8 +18,8 @@
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 
-// Device time at the last overflow of timer 1. It lies among the variables with a start value, so
-// that the emulator can change that value in the image and start just before the wrap-around.
+// Device time at the last overflow of timer 1. It is a variable with a start value. The emulator
+// can change that value in the image, to start just before the wrap-around.
 extern "C" {
 volatile uint32_t torquer_clock_us __attribute__((section(".data"))) = 0;
 // Clocks that this image was built for; the emulator reads them.

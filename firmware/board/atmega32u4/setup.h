@@ -7,7 +7,7 @@ namespace torquer {
 namespace board {
 
 /// Address of the data kept over a reset. It lies below the key for the bootloader and below the
-/// stack, but above the variables, which Arduino's bootloader overwrites with its own.
+/// stack. It lies above the variables, which Arduino's bootloader overwrites.
 constexpr uint16_t kWarmRecordAddress = 0x07f0;
 /// The stack may grow down to here.
 constexpr uint16_t kStackLimitAddress = 0x0802;
