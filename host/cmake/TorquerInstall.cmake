@@ -1,7 +1,7 @@
-# Install rules for "cmake --install", besides the programs with their manual pages
-# (TorquerTargets.cmake), the firmware, the library (host/api), the reader of surfaces
-# (host/simulator/vessel) and the Python package (host/python). Each component becomes a Debian
-# package (host/packaging).
+# Install rules for "cmake --install". Other files install programs with their manual pages
+# (TorquerTargets.cmake), the firmware and the library (host/api). The reader of surfaces
+# (host/simulator/vessel) and the Python package (host/python) have their rules too. Each component
+# becomes a Debian package (host/packaging).
 set(data ${CMAKE_INSTALL_DATADIR}/torquer)
 install(DIRECTORY host/scenes/ DESTINATION ${data}/scenes COMPONENT common
   FILES_MATCHING PATTERN "*.toml" PATTERN "*.csv" PATTERN "surface.*" PATTERN "*.mrk.json"

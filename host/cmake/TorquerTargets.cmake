@@ -167,9 +167,9 @@ function(torquer_timeout out seconds)
   set(${out} ${seconds} PARENT_SCOPE)
 endfunction()
 
-# torquer_check(NAME LABEL l COMMAND word.. [TIMEOUT s] [COST s] [PROPERTIES name value..]): a test of CTest that is not
-# a Catch2 program. PROPERTIES: those of CTest. COST: its approximate time. The longest tests begin first, so that no
-# long test runs alone at the end.
+# torquer_check(NAME LABEL l COMMAND word.. [TIMEOUT s] [COST s] [PROPERTIES name value..]): a CTest test that is no
+# Catch2 program. PROPERTIES: those of CTest. COST: its approximate time. The longest tests begin first, so that no long
+# test runs alone at the end.
 function(torquer_check name)
   cmake_parse_arguments(PARSE_ARGV 1 ARG "" "LABEL;TIMEOUT;COST" "COMMAND;PROPERTIES")
   torquer_timeout(timeout "${ARG_TIMEOUT}")
@@ -182,12 +182,12 @@ function(torquer_check name)
   endif()
 endfunction()
 
-# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [PRELOAD library]
-# [THREADED | THREADED_CASES spec] [REAL_TIME] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become
-# CTest tests with that label. COST: of each case, as above. PRELOAD: runs under that library.
+# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [PRELOAD library] [THREADED |
+# THREADED_CASES spec] [REAL_TIME] [SANITIZED_BY_SOAK]): a Catch2 program. Its cases become CTest tests with that label.
+# COST: of each case, as above. PRELOAD: runs under that library.
 # THREADED: its code has threads, so the tsan build runs it. THREADED_CASES: the tsan build runs only the cases of
-# Catch2's `spec`. REAL_TIME: it counts losses of a chain of programs, so at most one other test
-# runs beside it, and no other chain.
+# Catch2's `spec`. REAL_TIME: it counts losses of a chain of programs. At most one other test runs beside it, and no
+# other chain.
 # SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
 function(torquer_test name)
   cmake_parse_arguments(ARG "THREADED;REAL_TIME;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;THREADED_CASES" "SOURCES;LINK" ${ARGN})

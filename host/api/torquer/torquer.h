@@ -42,7 +42,7 @@ TORQUER_API const char* Version();
 /// find other states.
 TORQUER_API std::string Build();
 
-/// Error of all calls here: an argument or a file is not usable. what() names the file, line or
+/// Error of all calls here: an argument or a file is not usable. Its what() names the file, line or
 /// field, the value and the remedy. A call that throws it has no other effect.
 class TORQUER_API Error : public std::runtime_error {
  public:
@@ -99,8 +99,8 @@ struct SurfaceCheck {
 /// Checks a surface file as torquer-simulator --check-mesh does. Throws Error if it cannot be read.
 TORQUER_API SurfaceCheck CheckSurface(const std::string& path);
 
-/// Value for a key of a scene: true or false, a number, a text, or a list. std::monostate removes
-/// the key, so that its default is valid.
+/// Value for a key of a scene: true or false, a number, a text, or a list. With std::monostate the
+/// key is removed, so that its default is valid.
 using Value = std::variant<std::monostate, bool, std::int64_t, double, std::string,
                            std::vector<double>, std::vector<std::string>, std::vector<Point>>;
 /// Full keys of a scene with their values, set in this order. Examples of keys are
@@ -338,8 +338,8 @@ class TORQUER_API Simulation {
   /// True if a plane has a new picture that LastPicture has not returned yet. A step may take
   /// several, and LastPicture returns the last one: see `after_tick`.
   bool picture_due(int plane = 0) const;
-  /// Places of points in a picture of a plane that is taken now: at the angles and the
-  /// magnification of command(). Needs [effects.fluoroscopy].
+  /// Places of points in a picture of a plane that is taken now. Angles and magnification are those
+  /// of command(). Needs [effects.fluoroscopy].
   std::vector<PicturePlace> PlacesInPicture(const std::vector<Point>& points_mm,
                                             int plane = 0) const;
   /// Renders and returns the last X-ray picture of a plane. Needs [effects.fluoroscopy].
