@@ -1,7 +1,7 @@
 // Message bus: LCM with error reporting.
 //
-// LCM itself reports neither a bad URL nor a message that it cannot decode, and its receiver trusts
-// the received bytes. This class handles all three. Channel names: protocol/lcm_channels.h.
+// LCM itself reports neither a bad URL nor a message that it cannot decode. Its receiver trusts the
+// received bytes. This class handles all three. Channel names: protocol/lcm_channels.h.
 #pragma once
 
 #include <lcm/lcm.h>
@@ -113,7 +113,7 @@ class Bus {
   int FileDescriptor();
 
   /// A sentence about messages refused or dropped since the last notice, with channels, counts and
-  /// senders. "" without news, or less than a minute after the last notice. `now_us` by
+  /// senders. Empty without news, or less than a minute after the last notice. `now_us` by
   /// MonotonicUs().
   std::string TakeNotice(std::int64_t now_us);
 

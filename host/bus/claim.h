@@ -1,5 +1,5 @@
-// Claims: locks that allow one holder at a time. One exists for the daemon of an instrument or a
-// device, the simulator of a bus, and the viewer that steers.
+// Claims: locks that allow one holder at a time. Claims exist for the daemon of an instrument or a
+// device, a bus's simulator, and the viewer that steers.
 //
 // Claims are locked files in $XDG_RUNTIME_DIR/torquer (without that variable in a private folder
 // under /tmp). A claim on a bus holds for one LCM URL in one network namespace.
@@ -30,8 +30,8 @@ class Claim {
 
   int file() const { return fd_; }
 
-  /// Offset of the record in the file, bytes: claims begin with a line about the holder, and a
-  /// record may follow.
+  /// Offset of the record in the file, bytes. A claim begins with a line about the holder; a record
+  /// may follow.
   static constexpr off_t kRecordOffset = 64;
 
  private:

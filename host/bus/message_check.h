@@ -1,5 +1,5 @@
 // Message check: run before the decoder that lcm-gen generates. That decoder trusts the lengths and
-// counts in a message: it throws on some, and allocates any amount of memory on others.
+// counts in a message. It throws on some, and allocates any amount of memory on others.
 #pragma once
 
 #include <cstddef>
@@ -18,8 +18,9 @@ namespace torquer::bus {
 bool IsMessage(std::string_view type_name, std::int64_t fingerprint,
                std::span<const std::uint8_t> bytes);
 
-/// Decodes `size` bytes at `data` as a Message of protocol/lcm; false if they are not one, and then
-/// `message` has no meaning. Never throws. Accepts bytes from any origin, such as the bus or a log.
+/// Decodes `size` bytes at `data` as a Message of protocol/lcm. Returns false if they are not one;
+/// then `message` has no meaning. Never throws. Accepts bytes from any origin, such as the bus or a
+/// log.
 // Not inlined: otherwise GCC 12 wrongly warns about the generated decoder.
 template <class Message>
 [[gnu::noinline]] bool DecodeMessage(const void* data, std::size_t size, Message& message) {

@@ -13,8 +13,8 @@
 
 namespace torquer::bus {
 
-/// Assembles messages from datagrams of any origin. liblcm 1.3.1 does the same, but adds a
-/// fragment's offset and size in 32 bits, so two datagrams can make it write anywhere.
+/// Assembles messages from datagrams of any origin. The code of liblcm 1.3.1 adds a fragment's
+/// offset and size in 32 bits. So two datagrams can make it write anywhere.
 class UdpmAssembly {
  public:
   /// Views into the datagram or this object, until the next Take().

@@ -35,9 +35,9 @@ void Set(int socket, int level, int option, const Value& value, const char* step
   if (setsockopt(socket, level, option, &value, sizeof value) != 0) Fail(step);
 }
 
-// Attaches a kernel filter that passes only packets from this machine: multicast that it sent, and
-// all packets of the loopback device. An address can be forged and changes with the network; the
-// packet type cannot be forged and does not change.
+// Attaches a kernel filter that passes only packets from this machine. These are its sent multicast
+// and all packets of the loopback device. An address can be forged and changes with the network;
+// the packet type cannot be forged and does not change.
 void TakeThisMachineOnly(int socket) {
   std::array<sock_filter, 6> program = {{
       BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<__u32>(SKF_AD_OFF + SKF_AD_PKTTYPE)),

@@ -33,9 +33,9 @@ class UdpmReceiver {
   UdpmReceiver(const UdpmReceiver&) = delete;
   UdpmReceiver& operator=(const UdpmReceiver&) = delete;
 
-  /// Keeps messages of `channel` from now on, at most `most_waiting` at a time; 0: as many as fit
-  /// into kMostWaitingBytes with all others. Beyond that the newest is dropped. Returns the index
-  /// of the subscription: 0, 1, 2..
+  /// Keeps messages of `channel` from now on, at most `most_waiting` at a time. With 0 it keeps as
+  /// many as fit into kMostWaitingBytes with all others. Beyond that the newest is dropped. Returns
+  /// the index of the subscription: 0, 1, 2..
   std::size_t Listen(const std::string& channel, int most_waiting);
 
   struct Received {
