@@ -44,10 +44,10 @@ class Daemon {
   Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source);
 
   /// Reads and publishes until Stop(), then reports its end on the health channel. Throws UserError
-  /// if no device is found within kFirstDeviceS, or if the first one cannot be used (firmware,
-  /// calibration, permission, in use by another daemon). `beside` is null, or the daemon of the
-  /// box's second sensor, whose source does not read (sensor_view.h). It runs and ends with this
-  /// one.
+  /// if no device is found within kFirstDeviceS, or if the first one cannot be used. Causes:
+  /// firmware, calibration, permission, use by another daemon. `beside` is null, or the daemon of
+  /// the box's second sensor, whose source does not read (sensor_view.h). It runs and ends with
+  /// this one.
   void Run(Daemon* beside = nullptr);
 
   /// Makes Run() return. From any thread.

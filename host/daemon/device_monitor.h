@@ -1,5 +1,5 @@
-// Display of `torquer-daemon --monitor`: data of the daemon's own device before it is on the bus.
-// (torquer-monitor shows messages on the bus.)
+// Display of `torquer-daemon --monitor`: data of the daemon's device, before publication on the
+// bus. (torquer-monitor shows messages on the bus.)
 #pragma once
 
 #include <atomic>
@@ -39,8 +39,9 @@ class DeviceBars {
   std::int64_t missing_ = 0;  // report numbers skipped since the start
 };
 
-/// Shows the bars on standard output: on a terminal in place, ten times a second; elsewhere in a
-/// line a second. Runs in its own thread, so that a stopped terminal does not stop the daemon.
+/// Shows the bars on standard output. On a terminal they are redrawn in place, ten times a second.
+/// Elsewhere a line is printed each second. Runs in its own thread, so that a stopped terminal does
+/// not stop the daemon.
 class DeviceMonitor {
  public:
   DeviceMonitor();

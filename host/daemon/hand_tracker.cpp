@@ -8,7 +8,7 @@
 namespace torquer::daemon {
 namespace {
 
-// Thresholds of surface quality (features / 8): below the first, motion is in doubt; from the
+// Thresholds of surface quality (features / 8). Below the first, motion is in doubt; from the
 // second on, it is trusted again.
 constexpr int kPoorSurface = 10;
 constexpr int kGoodSurface = 16;

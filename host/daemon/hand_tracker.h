@@ -1,16 +1,16 @@
 // Hand tracker: converts samples to the commanded position of the instrument, as absolute
 // insertion, rotation and C-arm angles.
 //
-// Motion between two consecutive samples is applied unless one of them is in doubt (lift, poor
-// surface, sensor fault) or has the clutch held. Motion that is not applied is dropped: the
-// instrument stays and continues from there. The applied counts are summed as integers and
-// converted at once, so that no rounding errors accumulate.
+// Motion between two consecutive samples is applied if both are trusted and have the clutch
+// released. A lift, a poor surface and a sensor fault put a sample in doubt. Motion that is not
+// applied is dropped: the instrument stays and continues from there. The applied counts are summed
+// as integers and converted at once, so that no rounding errors accumulate.
 //
 // A device with an end switch reveals lost motion. The hand's true travel, including clutched
 // motion, is the same at each closing of the switch. The counted travel differs if motion was
 // dropped or not measured since the previous closing. The tracker then adds the difference to the
-// insertion at kHealMmPerS, only while motion is applied, so that the instrument never jumps. No
-// I/O, no clock.
+// insertion at kHealMmPerS, only while motion is applied. So the instrument never jumps. No I/O, no
+// clock.
 #pragma once
 
 #include <cstdint>

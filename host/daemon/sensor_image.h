@@ -1,9 +1,9 @@
 // Firmware image of the sensor's manufacturer: loaded again whenever the device's sensor has lost
 // it.
 //
-// The sensor forgets the image without power: when the device is plugged in, after a suspend, and
-// when the sensor or the device resets itself. `torquer-flash --srom` stores a copy for a device;
-// without a stored copy, no image is loaded.
+// The sensor loses the image without power: at plug-in and after a suspend. It also loses the image
+// when it or the device resets itself. `torquer-flash --srom` stores a copy for a device; without a
+// stored copy, no image is loaded.
 #pragma once
 
 #include <cstdint>
@@ -26,9 +26,9 @@ class SensorImage {
 
   /// True if Load() should be called now: tries are left and the sensor works.
   bool due() const { return tries_left_ > 0 && working_; }
-  /// Loads the stored image, in some 0.3 s. Returns the outcome as a sentence for the user. nullopt
-  /// if no image is due, or if the outcome is the same as before. A device that refuses or does not
-  /// answer gets at most three tries per loss. Throws device::DeviceGone.
+  /// Loads the stored image, in some 0.3 s. Returns the outcome as a sentence for the user. Returns
+  /// nullopt if no image is due, or if the outcome is the same as before. A device that refuses or
+  /// does not answer gets at most three tries per loss. Throws device::DeviceGone.
   std::optional<std::string> Load(device::ReportSource& source);
 
   /// Number of times an image was loaded.

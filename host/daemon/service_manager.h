@@ -1,6 +1,6 @@
-// Notifications to the service manager that started the daemon, by systemd's protocol: datagrams of
-// lines to the socket named in $NOTIFY_SOCKET. Implemented here without libsystemd: the protocol is
-// stable, and no other part of that library is needed.
+// Notifications to the service manager that started the daemon, by systemd's protocol. Lines are
+// sent as datagrams to the socket that $NOTIFY_SOCKET names. Implemented here without libsystemd:
+// the protocol is stable, and no other part of that library is needed.
 #pragma once
 
 #include <cstdint>

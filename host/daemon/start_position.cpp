@@ -53,7 +53,7 @@ BusState ListenFor(const std::string& instrument, const std::string& url) {
   return bus_state;
 }
 
-// True if `state` is within the limits that the simulator itself enforces; any program on the bus
+// True if `state` is within the limits that the simulator itself enforces. Any program on the bus
 // may have sent it.
 bool IsValid(const torquer_lcm::instrument_state_t& state) {
   const auto near = [](double value) { return std::abs(value) <= kFarthest; };

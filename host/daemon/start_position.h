@@ -19,9 +19,10 @@ struct StartPosition {
   std::int64_t sequence = 0;  ///< of the first command
 };
 
-/// Finds the position of an instrument: from the simulator, if one is on the bus at `url`, else
-/// from the previous daemon's last command, else zero. Listens for 0.4 s. Throws UserError when
-/// the instrument already gets commands, or the simulator on the bus does not have it.
+/// Finds the position of an instrument from the simulator, if one is on the bus at `url`. Otherwise
+/// the position is that of the previous daemon's last command, or zero. Listens for 0.4 s. Throws
+/// UserError when the instrument already gets commands, or the simulator on the bus does not have
+/// it.
 StartPosition FindStart(const std::string& instrument, std::optional<LastCommand> previous,
                         const std::string& url);
 

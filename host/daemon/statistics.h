@@ -16,8 +16,8 @@ class Statistics {
 
   std::int64_t count() const { return count_; }
   std::int64_t max_us() const { return max_us_; }
-  /// The latency that `fraction` (0 .. 1) of the reports do not exceed, us: exact to 1 us below 10
-  /// ms, above that the largest one; 0 without reports.
+  /// The latency in us that `fraction` (0 .. 1) of the reports do not exceed. It is exact to 1 us
+  /// below 10 ms. Above that it is the largest latency. It is 0 without reports.
   std::int64_t QuantileUs(double fraction) const;
 
   /// Share of one core that this process with all its threads has used since construction.

@@ -1,5 +1,5 @@
-// Virtual input device for software without support of Torquer: the bench device as an input device
-// of this machine, by the kernel's uinput.
+// Virtual input device for software that does not support Torquer. The kernel's uinput presents the
+// bench device as an input device of this machine.
 #pragma once
 
 #include <cstdint>

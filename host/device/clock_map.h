@@ -2,8 +2,8 @@
 // sampled.
 //
 // A report arrives at   host = offset + rate * device + delay,   delay >= 0 and mostly small: USB
-// frames, scheduling. The map is the line below all points of the last half minute that is closest
-// to them (least sum of distances). So late reports have no influence. The method is that of Moon,
+// frames, scheduling. The map is a line below all points of the last half minute. Among such lines
+// it has the least sum of distances. So late reports have no influence. The method is that of Moon,
 // Skelly and Towsley, "Estimation and removal of clock skew from network delay measurements", 1999.
 // The smallest delay cannot be found from arrivals alone; it is taken as 0. No clock inside.
 #pragma once

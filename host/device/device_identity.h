@@ -18,8 +18,8 @@ struct DeviceIdentity {
 };
 
 /// Identity of the connected device, for the source's sensor. Throws UserError for firmware of
-/// another protocol version and for a device without that sensor, and FeatureError or DeviceGone if
-/// the device does not answer.
+/// another protocol version and for a device without that sensor. Throws FeatureError or DeviceGone
+/// if the device does not answer.
 DeviceIdentity ReadIdentity(ReportSource& source);
 
 }  // namespace torquer::device

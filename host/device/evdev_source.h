@@ -47,8 +47,9 @@ class EvdevSource : public ReportSource {
   EvdevSource(const EvdevSource&) = delete;
   EvdevSource& operator=(const EvdevSource&) = delete;
 
-  /// Before the first connection it throws UserError for a file that may not be read, is neither
-  /// mouse nor joystick, is given twice, or is grabbed by another program.
+  /// Before the first connection it throws UserError for a file that may not be read, or is given
+  /// twice. It also throws for a device that is neither mouse nor joystick, or is grabbed by
+  /// another program.
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override;
   void Interrupt() override { wake_up_.Raise(); }

@@ -26,8 +26,8 @@ class HidrawSource : public ReportSource {
   HidrawSource(const HidrawSource&) = delete;
   HidrawSource& operator=(const HidrawSource&) = delete;
 
-  /// Before the first connection it throws UserError for several devices without a choice, or for a
-  /// device that may not be opened.
+  /// Before the first connection it throws UserError for several devices without a choice. It also
+  /// throws for a device that may not be opened.
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override;
   void Interrupt() override { interrupted_ = true; }

@@ -1,10 +1,10 @@
 // Report decoder: converts the bytes of input reports to samples whose numbers do not wrap.
 //
 // The cumulative counts, the device clock and the sequence number all wrap. Each is continued to 64
-// bits, with the value nearest to an expected one. Counts are expected near the previous counts,
-// the device time by the elapsed host time, the sequence number by the elapsed device time. A
-// restarted device (another boot id) and a new connection begin a new epoch, in which the 64-bit
-// numbers continue without a jump. No I/O, no clock.
+// bits, with the value nearest to an expected one. Counts are expected near the previous counts.
+// The elapsed host time predicts the device time, and the elapsed device time predicts the sequence
+// number. A restarted device (another boot id) and a new connection begin a new epoch. The 64-bit
+// numbers continue in it without a jump. No I/O, no clock.
 //
 // A device that was not polled still holds the reports of that time. A gap after the first few
 // reports of a connection is therefore no loss: the epoch begins after the gap.

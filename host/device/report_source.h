@@ -53,9 +53,9 @@ class ReportSource {
 
   /// Waits at most `timeout_ms` for events and passes them to `sink` in order of arrival; returns
   /// early after Interrupt(). Without a device it searches for one. `sink` may request features.
-  /// Before the first connection it throws UserError for a problem that does not end by itself,
-  /// such as a device that may not be opened. After it, the problem is a kTrouble event, and the
-  /// next attempt follows.
+  /// Before the first connection it throws UserError for a lasting problem, such as a device that
+  /// may not be opened. After the first connection, the problem is a kTrouble event, and the next
+  /// attempt follows.
   virtual void Wait(int timeout_ms, const Sink& sink) = 0;
 
   /// Releases the connected device as after a failure. The next Wait() gives kDisconnected with

@@ -2,8 +2,8 @@
 // sensor.
 //
 // The image is the maker's property and not part of this project. The sensor also works without it.
-// It loses the image without power, so a program loads it each time, from the copy that
-// torquer-flash --srom keeps for the device.
+// The sensor loses the image without power, so a program loads it each time. `torquer-flash --srom`
+// keeps the copy for the device.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image);
 int RunningSrom(FeatureReports& reports);
 
 /// Path of the kept image for the device with this serial number: SERIAL.srom, beside its
-/// calibration. nullopt if the user has no configuration folder.
+/// calibration. Returns nullopt if the user has no configuration folder.
 std::optional<std::string> KeptSromPath(const std::string& serial);
 
 /// Keeps a copy of `image` there, so that the daemon loads it whenever the sensor has lost it.

@@ -41,8 +41,8 @@ std::string UsbAddress(libusb_device* device);
 /// A string descriptor as ASCII; "" if there is none, or the device does not send it.
 std::string UsbText(libusb_device_handle* handle, std::uint8_t index);
 
-/// The string `name` ("product", "serial") as the kernel read it when the device was plugged in,
-/// which needs no permission on it; "" if there is none.
+/// The string `name` ("product", "serial") as the kernel read it when the device was plugged in.
+/// This needs no permission on the device. Returns "" if there is none.
 std::string UsbTextOfKernel(libusb_device* device, const std::string& name);
 
 }  // namespace torquer::device

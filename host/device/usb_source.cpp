@@ -372,8 +372,8 @@ void UsbSource::Stop() {
     libusb_handle_events_timeout_completed(context_, &step, nullptr);
   }
   for (auto& transfer : transfers_) {
-    // A transfer that the kernel does not give back within a second is leaked on purpose: the
-    // kernel may still write to it.
+    // A transfer that the kernel has not returned within a second is leaked on purpose. The kernel
+    // may still write to it.
     if (transfer->in_flight) {
       static_cast<void>(transfer.release());
     } else {

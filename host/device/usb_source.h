@@ -1,5 +1,5 @@
-// Reports of the bench device over USB, by libusb, with several interrupt transfers in flight,
-// hotplug, and recovery from each failure or removal of a device.
+// Reports of the bench device over USB, by libusb, with several interrupt transfers in flight.
+// Handles hotplug, and recovers from each failure or removal of a device.
 #pragma once
 
 #include <libusb.h>
@@ -26,10 +26,11 @@ class UsbSource : public ReportSource {
   UsbSource(const UsbSource&) = delete;
   UsbSource& operator=(const UsbSource&) = delete;
 
-  /// Before the first connection it throws UserError for several devices without a choice, and for
-  /// a device that may not be opened or that another program uses. It also throws for endpoints
-  /// that are not those of Torquer's firmware. Without a device the bus is listed once a second.
-  /// After a suspend of the host or repeated errors, a device may be present without a new arrival.
+  /// Before the first connection it throws UserError for several devices without a choice. It also
+  /// throws for a device that may not be opened, or that another program uses. Endpoints that
+  /// differ from those of Torquer's firmware are refused too. Without a device the bus is listed
+  /// once a second. After a suspend of the host or repeated errors, a device may be present without
+  /// a new arrival.
   void Wait(int timeout_ms, const Sink& sink) override;
   void LetGo(const std::string& reason) override;
   void Interrupt() override;
