@@ -1,6 +1,6 @@
 // Flash of an ATmega32U4, which its program can write: page erase and page write by the SPM
-// instruction. It models their duration, and the contents after a loss of power during them. simavr
-// does both at once, and checks no rule.
+// instruction. It models their duration, and the contents after a loss of power. In simavr both
+// take no time, and no rule is checked.
 #pragma once
 
 #include <array>

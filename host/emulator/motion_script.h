@@ -25,9 +25,9 @@ class MotionScript {
   MotionScript() = default;
 
   /// Reads `time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons`, and, for two sensors,
-  /// also `catheter_insertion_mm,catheter_rotation_rad`: one row a time, times rising; `buttons` is
-  /// `none`, empty, or names among xray, contrast, clutch joined by `+`. Throws UserError naming
-  /// file, line, the value and the remedy.
+  /// also `catheter_insertion_mm,catheter_rotation_rad`. Each row has one time, and times rise.
+  /// `buttons` is `none`, empty, or names among xray, contrast, clutch joined by `+`. Throws
+  /// UserError naming file, line, the value and the remedy.
   static MotionScript FromFile(const std::string& path);
 
   /// Linear between rows; before the first and after the last it stands still. Buttons change at

@@ -1,5 +1,5 @@
-// Emulated device on a Unix socket (protocol/socket_link.h): the host's side of the USB, with a
-// program at the socket instead of a USB driver.
+// Emulated device on a Unix socket (protocol/socket_link.h). It acts as the host's side of the USB;
+// a program at the socket replaces the USB driver.
 #pragma once
 
 #include <cstdint>

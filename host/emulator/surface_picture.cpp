@@ -9,7 +9,8 @@ namespace {
 constexpr double kView_mm = 1.0;  // side of the sensor's view, at a magnification of 1:1
 constexpr double kFiber_mm = 0.048;
 // Radius of the blur for each millimeter out of focus. With it and the fibers' width, the sharpness
-// (calibration/focus.h) falls as in pictures of a real part: 0.43, 0.27 at +0.3 mm, 0.11 at +0.6.
+// (calibration/focus.h) falls as in pictures of a real part. Values there: 0.43 in focus, 0.27 at
+// +0.3 mm, 0.11 at +0.6.
 constexpr double kBlur_mm_per_mm = 0.10;
 constexpr double kMean = 62, kContrast = 26;
 

@@ -34,8 +34,8 @@ inline constexpr int kPictureSide = 36;
 using SurfacePicture = std::array<std::uint8_t, kPictureSide * kPictureSide>;  ///< 0 .. 127
 
 /// Picture at a place on the surface (mm, along the sensor's axes). Its pixels are in the sensor's
-/// order (data sheet, figure 24): column by column with rising x, and rising y within a column. The
-/// same place gives the same picture; `seed` selects the paper.
+/// order (data sheet, figure 24). Columns follow by rising x; y rises within a column. The same
+/// place gives the same picture; `seed` selects the paper.
 SurfacePicture RenderSurface(double x_mm, double y_mm, const SurfaceOptics& optics,
                              std::uint32_t seed);
 

@@ -18,7 +18,7 @@
 namespace torquer::emulator {
 
 /// A bench device that runs in its own thread, on a mocked bus. Virtual time follows real time.
-/// Once a program has claimed the interface, each frame also waits for its IN transfer, so that no
+/// Once a program has claimed the interface, each frame also waits for its IN transfer. So no
 /// report is lost on a loaded machine.
 class UmockdevBench {
  public:

@@ -11,8 +11,8 @@
 namespace torquer::emulator {
 
 /// Connects the ioctls on the file `path` to `device->Ioctl(client)`, which returns true if it has
-/// accepted the call. umockdev's thread makes the call. It shares the device's ownership, because
-/// it runs for a moment after the end of the testbed. Throws std::runtime_error if umockdev
+/// accepted the call. The thread of umockdev makes the call. It shares the device's ownership,
+/// because it runs for a moment after the end of the testbed. Throws std::runtime_error if umockdev
 /// refuses.
 template <class Device>
 void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
@@ -37,7 +37,7 @@ void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
 }
 
 /// The files of one testbed whose ioctls are answered. After an unplug, the device still answers
-/// ("no such device"). umockdev would abort a program whose ioctl finds a closed connection.
+/// ("no such device"). If an ioctl found a closed connection, umockdev would abort the program.
 class AnsweredFiles {
  public:
   explicit AnsweredFiles(UMockdevTestbed* testbed) : testbed_(testbed) {}

@@ -6,8 +6,8 @@
 namespace torquer::emulator {
 
 /// Makes a mocked machine by umockdev_testbed_new(); always use this function. From the first call
-/// on, connect() and sendmsg() of this process tolerate programs that end while an event is sent to
-/// them. libumockdev alone would abort (umockdev_machine.cpp).
+/// on, connect() and sendmsg() of this process tolerate programs that end during an event. Without
+/// this, libumockdev would abort (umockdev_machine.cpp).
 UMockdevTestbed* NewMockedMachine();
 
 }  // namespace torquer::emulator

@@ -12,8 +12,8 @@
 namespace torquer::emulator {
 namespace {
 
-// A usbfs file is always writable under umockdev, so that libusb asks again at once; a short wait
-// keeps it from spinning.
+// A usbfs file is always writable under umockdev, so libusb asks again at once. A short wait avoids
+// a busy loop.
 constexpr auto kReapWait = std::chrono::milliseconds(2);
 // Period of the check if the program has closed the file.
 constexpr auto kClosedWait = std::chrono::milliseconds(20);

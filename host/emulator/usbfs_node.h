@@ -47,7 +47,7 @@ class UsbfsNode {
   /// True if an input transfer waits.
   bool WantsInput() const;
   /// Ends the oldest input transfer with `status` (0 or a negative errno) and as many `bytes` as
-  /// fit; false if none waits.
+  /// fit. Returns false if none waits.
   bool EndInput(int status, std::span<const std::uint8_t> bytes);
 
   /// Takes the oldest control transfer that waits; EndControl() gives it back.

@@ -1,6 +1,6 @@
 // The emulated device for a Linux kernel: a USB/IP server with one device, bus id 1-1, as
 // `usbip attach` takes it. Once the kernel has requested input, each frame of virtual time waits
-// for the next such transfer, so that no report is lost on a slow machine.
+// for the next such transfer. So no report is lost on a slow machine.
 #pragma once
 
 #include <cstdint>

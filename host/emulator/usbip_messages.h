@@ -1,5 +1,5 @@
 // Messages of USB/IP, protocol 1.1.1, between a host with a device and a remote Linux kernel that
-// uses it (Documentation/usb/usbip_protocol.rst in the kernel's sources). All numbers are
+// uses it. Reference: Documentation/usb/usbip_protocol.rst in the kernel's sources. All numbers are
 // big-endian. Before an import the messages are operations; after it, transfers.
 #pragma once
 
