@@ -48,8 +48,8 @@ struct Plot {
   int height = 420;
 };
 
-/// The plot as one <svg> element that needs no other file. Points that an axis cannot show (not
-/// finite, or not positive on a logarithmic one) are left out; they break a line.
+/// The plot as one <svg> element that needs no other file. Points that an axis cannot show are left
+/// out, and break a line. Such points are not finite, or not positive on a logarithmic axis.
 std::string DrawPlot(const Plot& plot);
 
 }  // namespace torquer::plot

@@ -21,8 +21,8 @@ std::string FormatHtml(const Table& table);
 /// A number with `digits` significant digits, as people write it: "0.0125", "1230", "3.1e-07".
 std::string Number(double value, int digits = 3);
 
-/// Escapes the special characters of HTML and SVG in a text: for text between tags, and for values
-/// of attributes in double quotes.
+/// Escapes the special characters of HTML and SVG in a text. The result fits between tags, and into
+/// attributes in double quotes.
 std::string EscapeMarkup(std::string_view text);
 
 }  // namespace torquer::plot
