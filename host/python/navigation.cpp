@@ -13,7 +13,7 @@ namespace torquer::python {
 namespace {
 
 // Points in an observed vector: of the wire from its tip, and of the route from its nearest point
-// on. kApart_mm is their spacing.
+// on. Their spacing is kApart_mm.
 constexpr std::size_t kWirePoints = 4;
 constexpr std::size_t kRoutePoints = 4;
 constexpr double kApart_mm = 5;

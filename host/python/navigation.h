@@ -33,8 +33,8 @@ struct NavigationStart {
   std::vector<Point> route = {};  ///< as in the task; empty: the task's value
 };
 
-/// Results of a step or a reset; numpy sees them as the rows of an array. kSafeSuccess is NaN if
-/// forces of steps without convergence decide it.
+/// Results of a step or a reset; numpy sees them as the rows of an array. The value of kSafeSuccess
+/// is NaN if forces of steps without convergence decide it.
 enum class Fact {
   kReward,
   kTerminated,

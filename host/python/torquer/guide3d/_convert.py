@@ -37,7 +37,7 @@ _MESH_UNIT = "cm"
 # The radius of a 0.035-inch wire.
 _ROOM_MM = 0.4445
 _PLACES, _NOISE_PAIRS, _NOISE_DRAWS = 9, 6, 8
-# Pairs that are left out: their tips miss each other by this many clicks, or the curve misses the pictures by this.
+# A pair is left out if its tips differ by _BAD_CLICKS, or if the curve misses the pictures by _BAD_PX.
 _BAD_CLICKS, _BAD_PX = 10.0, 5.0
 # Standard deviation over median deviation, and error of a median over that of a mean, of a normal distribution.
 _MAD, _MEDIAN = 1.4826, 1.2533

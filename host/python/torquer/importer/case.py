@@ -159,7 +159,8 @@ coefficient = 0.08
 # Outlets by Murray's law at all free ends but the inlet.
 [effects.flow]
 inlet = "{curves[0].name}"
-# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, by its cube at {root:.2f} mm, the median of the first 10 mm.
+# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, scaled by the cube of the radius. The median over the first 10
+# mm is {root:.2f} mm.
 inlet_mL_s = {flow:.3f}
 
 [effects.contrast]

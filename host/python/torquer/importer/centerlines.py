@@ -31,8 +31,8 @@ _MOST_POINTS, _STEP_SHARE, _STEPS_MM = 20_000, 0.3, (0.4, 1.0)
 _WIDEST_MM = 60.0
 # Distance of a tip's generating points, in radii. A tip with less is only a sliver beside the wall.
 _APART = 1.2
-# A branch covers this many radii and mm about itself. A curve is kept if its part outside the first number of radii of
-# the others is longer than the second number of radii, and than the length in mm.
+# A branch covers _COVER radii and _COVER_MM about itself. A curve's free part is farther than _OUTSIDE radii from the
+# other curves. A curve is kept if its free part is longer than _LEAST_RADII radii and _LEAST_MM.
 _COVER, _COVER_MM = 1.3, 2.0
 _OUTSIDE, _LEAST_RADII, _LEAST_MM = 1.15, 2.5, 3.0
 _MOST_CURVES = 200

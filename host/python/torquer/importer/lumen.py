@@ -37,7 +37,7 @@ _LEAST_SIGMAS, _LEAST_CONTRAST = 4.0, 80.0
 _MOST_LUMEN = 900.0
 # Metal: above all bone, near the lumen.
 _METAL, _METAL_MM, _MOST_METAL_MM3 = 2500, 3.0, 5.0
-# A vessel is cut off lengthwise if its section with the border is longer than this, and than so many widths.
+# A vessel is cut off lengthwise if its section with the border is longer than _CUT_MM and _CUT_RATIO widths.
 _CUT_MM, _CUT_RATIO = 30.0, 3.0
 # Arteries of the trunk have less than 1 liter.
 _MOST_ML = 1500.0
