@@ -46,7 +46,7 @@ class PageFigures {
   PageVerdict Verdict() const;
   /// Reasons why the figures may not show the trainee's actions; one sentence each.
   std::vector<std::string> Doubts() const;
-  /// Findings of the assessment and of the wall force; empty if the scene has neither, and if the
+  /// Findings of the assessment and of the wall force. Empty if the scene has neither, or if the
   /// session is not gradable.
   std::vector<PageFinding> Findings() const;
   std::vector<PageRow> Radiation() const;

@@ -13,8 +13,8 @@ std::string SafeText(std::string_view text);
 std::string SecondsText(double seconds);
 /// Three significant digits, or all digits before the point: "41.2", "0.314", "1250".
 std::string ValueText(double value);
-/// Value of a reading with the unit that its name ends with: "41.2 mN", times as SecondsText,
-/// counts as whole numbers, "never" for a negative time, "not known" for NaN.
+/// Value of a reading with the unit at the end of its name, such as "41.2 mN". Times are as by
+/// SecondsText, and counts are whole numbers. A negative time gives "never", NaN gives "not known".
 std::string ReadingText(std::string_view name, double value);
 /// "never", "once", "3 times".
 std::string TimesText(double count);

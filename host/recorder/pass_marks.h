@@ -33,9 +33,9 @@ struct MarkSheet {
 /// File that holds the pass marks of a scene file by default: pass_marks/NAME.toml beside it.
 std::string PassMarksPath(const std::string& scene_file);
 
-/// Reads the pass marks in `path` for the scene of `report`. Throws UserError for an unknown key, a
-/// value out of range, a mark that the scene does not measure, and a file without a mark. The
-/// message names file, line, key, value and remedy.
+/// Reads the pass marks in `path` for the scene of `report`. Throws UserError for an unknown key
+/// and a value out of range. It also throws for a mark that the scene does not measure, and a file
+/// without a mark. The message names file, line, key, value and remedy.
 MarkSheet ReadMarks(const std::string& path, const SessionReport& report);
 
 /// Fills in the values of the session and the verdicts. A session that is not gradable has neither.

@@ -17,7 +17,7 @@
 namespace torquer {
 
 /// Value of a reading, such as "wall_force_sum_mN". Returns nullopt if the scene has no observer
-/// for it, if the value is unknown, or if it is beyond Series::kMost.
+/// for it, or if the value is unknown or beyond Series::kMost.
 std::optional<double> FindReading(const torquer_lcm::readings_t& readings, const std::string& name);
 
 /// One instrument over time.

@@ -1,5 +1,5 @@
-// Judge of a session: repeats its commands at full accuracy, so that marks do not depend on how
-// busy the machine was.
+// Judge of a session: repeats its commands at full accuracy. So the machine's load does not change
+// the marks.
 #pragma once
 
 #include <string>
@@ -21,9 +21,9 @@ struct SessionJudgment {
   bool repeated() const { return !readings.names.empty(); }
 };
 
-/// Repeats the commands of the log at `path` as rows of a script: without a deadline, with the
-/// scene's budget for a script's tick. A row ends every kJudgeRowUs by the clock of the log. A log
-/// that does not hold all that decides the marks is not gradable. A scene without observers has no
+/// Repeats the commands of the log at `path` as rows of a script. There is no deadline; a tick has
+/// the scene's budget for scripts. A row ends every kJudgeRowUs by the clock of the log. A log that
+/// does not hold all that decides the marks is not gradable. A scene without observers has no
 /// measures and is not repeated. Throws UserError if the log cannot be read.
 SessionJudgment JudgeSession(scene::Scene& scene, const std::string& path);
 

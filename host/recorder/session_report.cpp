@@ -281,8 +281,8 @@ bool SessionReporter::MovedOn(const torquer_lcm::hand_motion_t& truth) const {
 void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
                                   const Eigen::Matrix2d& per_count,
                                   InstrumentReport& report) const {
-  // At the end of a session the counts of the emulator's sensor are used if known: they reveal a
-  // report lost at the end. A reset restarts the samples' counts, but not the emulator's. If the
+  // At the end of a session the counts of the emulator's sensor are used if known. They reveal a
+  // loss of the last report. A reset restarts the samples' counts, but not the emulator's. If the
   // log ends before the session, the last state shows the hand at an earlier sample. The same holds
   // if the last states have no shape.
   if (!channel.ended || last_shape_->tick != last_state_->tick) {
