@@ -32,8 +32,8 @@ class Scene {
   explicit Scene(SceneSpec spec);
   /// Reads the spec with ReadScene(path) first.
   explicit Scene(const std::string& path) : Scene(ReadScene(path)) {}
-  /// Builds a scene of `spec`. It shares the vessel and the field of `other` if both have the same
-  /// keys of the vessel, apart from its stiffness. Otherwise it opens the files, as above.
+  /// Builds a scene of `spec`. It shares the vessel and the field of `other` if their vessels have
+  /// equal keys; stiffness may differ. Otherwise it opens the files, as above.
   Scene(SceneSpec spec, const Scene& other);
   /// Builds another scene of the same spec, which shares this scene's vessel and field. Both may be
   /// simulated at the same time in different threads.

@@ -1,7 +1,7 @@
 // Value, gradient and Hessian of a quadratic B-spline from its 27 coefficients about a cell.
 //
-// Along one axis, with coefficients a, b, c of three neighboring cells, t in [-1/2, 1/2] from the
-// middle cell's center, p = a - b and q = c - b:
+// One axis has coefficients a, b, c of three neighboring cells. The place t in [-1/2, 1/2] counts
+// from the middle cell's center. With p = a - b and q = c - b:
 //   s = b + p (1/2 - t)^2 / 2 + q (1/2 + t)^2 / 2,  s' = p (t - 1/2) + q (t + 1/2),  s'' = p + q.
 #pragma once
 
@@ -92,8 +92,8 @@ inline void ContractRows(const Quad& one, const Quad& two, const AxisWeights& w,
            first);
 }
 
-/// corner: coefficient of the previous cell in x, y and z. tx, ty, tz: place in the cell, -1/2 to
-/// 1/2.
+/// `corner`: coefficient of the previous cell in x, y and z. `tx`, `ty`, `tz`: place in the cell,
+/// -1/2 to 1/2.
 template <int kOrder>
 inline void Evaluate(const float* corner, double tx, double ty, double tz, Jet& jet) {
   const AxisWeights wx(tx), wy(ty), wz(tz);

@@ -23,8 +23,8 @@ struct CenterlineSample {
 /// linear between them, by arc length.
 class Centerline {
  public:
-  /// points_mm: at least two distinct ones, finite; a point within 1e-6 mm of the one before it is
-  /// dropped. radii_mm: one per point, >= 0. Throws UserError naming the curve.
+  /// `points_mm`: at least two distinct ones, finite; a point within 1e-6 mm of the one before it
+  /// is dropped. `radii_mm`: one per point, >= 0. Throws UserError naming the curve.
   Centerline(std::string name, const std::vector<Eigen::Vector3d>& points_mm,
              const std::vector<double>& radii_mm);
   /// As above, with given unit tangents, one per point.

@@ -6,9 +6,9 @@
 
 namespace torquer::vessel {
 
-/// Share of a surface's area that looks into a tube: nearly all outward rays meet the same part of
-/// the surface again. Near 0 for a lumen, near 0.4 for a wall with thickness. Estimated from a
-/// sample of the faces.
+/// Share of a surface's area that looks into a tube. There, nearly all outward rays meet the same
+/// part of the surface again. Near 0 for a lumen, near 0.4 for a wall with thickness. Estimated
+/// from a sample of the faces.
 double TubeFacingShare(const TriangleBvh& surface);
 
 /// Inner side of a wall with thickness: its faces that look into a tube. They are oriented as the

@@ -19,8 +19,8 @@ std::string_view NextWord(std::string_view& line) {
   return word;
 }
 
-// Words of a line that belong to an element begun on it or before; true if the next line continues
-// it.
+// Appends the words of a line that continue or begin an element. Returns true if the next line
+// continues it.
 bool AppendWords(std::string_view line, bool is_face, std::string& out) {
   for (std::string_view word = NextWord(line); !word.empty(); word = NextWord(line)) {
     const bool continues = word.back() == '\\';

@@ -11,8 +11,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-// A curve's end is an outlet if the lumen ends within this many radii behind it, and if no other
-// outlet lies there.
+// A curve's end is an outlet if the lumen ends within this many radii behind it. No other outlet
+// may lie there.
 constexpr double kEndsWithinRadii = 3;
 constexpr double kSamePlaceMm = 1e-3;
 

@@ -29,14 +29,14 @@ struct TubeVessel {
 /// side 105. The main side bends by 30 degrees; after 80 mm, two children leave it at 30 degrees
 /// each. The main path ("main": stem, main side, one child) is about 284 mm long. The other curves
 /// are "side" (the crossbar's other side) and "child" (the other child). The bend of the main side
-/// leaves the stem's plane, so that no part of the phantom is planar by accident.
+/// leaves the stem's plane, so the phantom is not planar.
 TubeVessel MakeTyPhantom();
 
 /// A straight tube from the origin along +x, its centerline length_mm long.
 TubeVessel MakeStraightTube(double length_mm, double radius_mm);
 
-/// Arc of a torus: begins at the origin along +x and turns toward +y. bend_radius_mm: of its axis.
-/// angle_rad: in (0, 2 pi].
+/// Arc of a torus: begins at the origin along +x and turns toward +y. `bend_radius_mm`: of its
+/// axis. `angle_rad`: in (0, 2 pi].
 TubeVessel MakeTorus(double bend_radius_mm, double radius_mm, double angle_rad);
 
 /// Vessel of tubes. The centerlines are the tubes' axes, joined within join_tolerance_mm; the first
@@ -44,8 +44,9 @@ TubeVessel MakeTorus(double bend_radius_mm, double radius_mm, double angle_rad);
 TubeVessel MakeTubeVessel(const std::vector<Tube>& tubes, double union_width_mm,
                           double join_tolerance_mm);
 
-/// Bricks for the look-ups of a wire in tubes. voxel_mm: cell width, 0.02 to 4; by default a third
-/// of the smallest radius, at most 0.25. Throws UserError if the index does not fit into memory.
+/// Bricks for the look-ups of a wire in tubes. `voxel_mm`: cell width, 0.02 to 4; by default a
+/// third of the smallest radius, at most 0.25. Throws UserError if the index does not fit into
+/// memory.
 std::shared_ptr<const BrickField> MakeTubeBricks(std::shared_ptr<const TubeField> field,
                                                  std::optional<double> voxel_mm = {});
 

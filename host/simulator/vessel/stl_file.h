@@ -1,5 +1,5 @@
-// STL file: triangles from text and binary files, as programs write them: in capitals, with a blank
-// first line, with several solids, or with a few bytes behind the triangles.
+// STL file: triangles from text and binary files. Accepts common variants: capitals, a blank first
+// line, several solids, or a few bytes behind the triangles.
 #pragma once
 
 #include <string>

@@ -28,7 +28,8 @@ constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
 constexpr double kFarthestMm = 1e6;
 // Largest area share of a hole in the wall: one of the file, and one left around the inner side.
 constexpr double kFileHoleShare = 0.01, kInnerHoleShare = 0.05;
-// Least volume of a lumen, in areas to the power 3/2; a wire's tube of 1 m and 0.3 mm has 3e-6.
+// Least volume of a lumen, relative to its area to the power 3/2. A tube of 1 m and 0.3 mm has
+// 3e-6.
 constexpr double kLeastVolume = 1e-8;
 // Tube-facing share of the area: from kWallShare on a surface is a wall, up to kLumenShare a lumen.
 constexpr double kWallShare = 0.25, kLumenShare = 0.1;

@@ -58,8 +58,8 @@ struct SurfaceMesh {
   TriangleMesh left_out;  ///< removed walls within the lumen, and sheets
 };
 
-/// Unit in which a surface, with its file's coordinates, has the size of a vessel, in the order of
-/// MeshUnit; empty if none fits. Only for proposals: a scene declares its unit.
+/// Unit in which a surface with its file's coordinates has the size of a vessel. Units are tried in
+/// the order of MeshUnit; empty if none fits. Only for proposals: a scene declares its unit.
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file);
 
 /// Throws UserError if the diagonal of a surface, in mm, is outside 5 to 4000 mm. The message

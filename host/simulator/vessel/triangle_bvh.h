@@ -43,8 +43,8 @@ class TriangleBvh final : public DistanceSource {
   double CastRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
                  double least_mm) const;
 
-  /// True if a ray along a unit direction meets a triangle of a part beyond least_mm. parts: index
-  /// of the part of every triangle.
+  /// True if a ray along a unit direction meets a triangle of a part beyond `least_mm`. `parts`:
+  /// index of the part of every triangle.
   bool RayMeetsPart(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
                     double least_mm, const std::vector<int>& parts, int part) const;
 

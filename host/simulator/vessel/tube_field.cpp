@@ -191,8 +191,8 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
 
 namespace {
 
-// Offset of a point from the axis at u: v = p - axis(u). along: v's component along the tangent t.
-// curved: v . axis''(u).
+// Offset of a point from the axis at u: v = p - axis(u). `along`: v's component along the tangent
+// t. `curved`: v . axis''(u).
 struct Offset {
   Vector3d v, t;
   double along, curved;

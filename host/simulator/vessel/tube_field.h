@@ -64,7 +64,7 @@ class TubeField final : public ClearanceField, public DistanceSource {
     bool is_arc = false;
     bool constant_radius = true;
     // Line: origin is the start, x the tangent. Arc: origin is the circle's center, x points to the
-    // middle of the arc. y is the tangent there, z the axis of the bend.
+    // middle of the arc. Axis y is the tangent there, z the axis of the bend.
     Eigen::Vector3d origin, x, y, z;
     double bend_radius = 0, half_angle = 0, cos_half = 0, sin_half = 0;
     double length = 0;

@@ -99,8 +99,8 @@ Tube MakeTube(const TubeSpec& spec) {
   }
 }
 
-// Null if the vessel is so large, and its tubes so thin, that the index of the bricks does not fit
-// into memory.
+// Null if the index of the bricks does not fit into memory. Then the vessel is large and its tubes
+// are thin.
 std::shared_ptr<const BrickField> MakeBricks(const std::shared_ptr<const TubeField>& field,
                                              const TubesSpec& spec) {
   try {
