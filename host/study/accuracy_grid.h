@@ -23,8 +23,8 @@ AccuracyCase DefaultCase();
 /// Combinations of segment length and method for the Pareto front. The default is the first.
 std::vector<AccuracyCase> FrontCases(bool quick);
 
-/// One axis at a time around the default: friction, bending law, contact points, field; and the
-/// update rule around the paper's method.
+/// One axis at a time around the default: friction, bending law, contact points and field. The
+/// update rule varies around the paper's method.
 std::vector<AccuracyAxis> AxisCases(bool quick);
 
 }  // namespace torquer::study

@@ -235,8 +235,8 @@ bool NeedsTwo(const Names& names) {
   });
 }
 
-// Cases: no effect; more instruments, without and with torsion; a wire beside the first; each
-// effect; the pairs of shipped scenes; all effects.
+// Cases without effect: one instrument, more of them without and with torsion, a wire beside the
+// first. Cases with effects: each one, the pairs of shipped scenes, all.
 std::vector<Case> Cases(const std::string& scenes) {
   std::vector<Case> cases = {{}};
   for (std::size_t k = 0; k < std::size(kAround); ++k) {

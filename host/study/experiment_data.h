@@ -8,10 +8,10 @@ namespace torquer::study {
 /// Steel strip, clamped horizontally at one end, bent by its own weight and a weight on its free
 /// end.
 ///
-/// T. Belendez, C. Neipp and A. Belendez, "Numerical and Experimental Analysis of a Cantilever
-/// Beam: a Laboratory Project to Introduce Geometric Nonlinearity in Mechanics of Materials",
-/// Int. J. Engng Ed. 19 (2003) 885-892. Every figure was read in solids4foam/beamFoam, commit
-/// 4ef3f7d, tutorials/largeDeflectionCantilever/README.md, which repeats the paper's table.
+/// T. Belendez, C. Neipp and A. Belendez, Int. J. Engng Ed. 19 (2003) 885-892. "Numerical and
+/// Experimental Analysis of a Cantilever Beam: a Laboratory Project to Introduce Geometric
+/// Nonlinearity in Mechanics of Materials". Every figure was read in solids4foam/beamFoam, commit
+/// 4ef3f7d. Its tutorials/largeDeflectionCantilever/README.md repeats the paper's table.
 namespace strip {
 
 inline constexpr double kLengthMm = 400;

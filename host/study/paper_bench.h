@@ -55,8 +55,8 @@ class PaperBench {
   /// Runs one PR cycle, followed by a GR cycle if `with_geometrical` is set.
   PaperCycle Cycle(bool with_geometrical);
 
-  /// Contact share of every node (0 .. n) and mean |du| of every segment over PR cycles, sampled
-  /// after every iteration of a cycle.
+  /// Contact share of every node (0 .. n) and mean |du| of every segment over PR cycles. They are
+  /// sampled after every iteration of a cycle.
   struct Bouncing {
     std::vector<double> contact_share;
     std::vector<double> mean_update;

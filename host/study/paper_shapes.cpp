@@ -148,8 +148,8 @@ Angles AnglesOf(const WireModel& model, const WireState& state) {
   return angles;
 }
 
-// Section 4.5: PR cycles from the same shape with g1, with the predecessor's g2, and with g2 and
-// its signed denominator.
+// Section 4.5: PR cycles from the same shape by three laws. They are g1, the predecessor's g2, and
+// g2 with its signed denominator.
 struct LawComparison {
   int cycles = 0;
   double distance_mm = 0;     // distance of the wires with g1 and g2

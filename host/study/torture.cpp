@@ -95,8 +95,8 @@ class TortureStudy final : public Study {
     }
   }
 
-  // A quarter each: a scene at random, a shipped scene, a wire with "anything at random", and one
-  // of the named cases.
+  // A quarter each: a scene at random, a shipped scene, a wire with "anything at random", a named
+  // case.
   bool DrawOne(StudyRun& run, unsigned seed, std::mt19937& random, double done,
                const std::vector<HardCase>& cases) {
     if (!scene_.empty()) return DrawHands(run, scene_, seed, random, done);

@@ -10,8 +10,8 @@ namespace {
 constexpr double kCurvedTipMm = 10;
 constexpr double kStepMm = 1e-6;  // of the curvature, at the end of the tip
 
-// EI grows from `tip` to `shaft` along `taper_mm`, as the fourth power of a core whose diameter
-// grows linearly; the tip is curved by `angle` over kCurvedTipMm.
+// EI grows from `tip` to `shaft` along `taper_mm`. It is the fourth power of a core whose diameter
+// grows linearly. The tip is curved by `angle` over kCurvedTipMm.
 StudyWire Tapered(const std::string& name, double tip_N_mm2, double shaft_N_mm2, double taper_mm,
                   double radius_mm, double angle_rad, double wall_N_mm2) {
   StudyWire wire{name, {}, kCurvedTipMm, wall_N_mm2};

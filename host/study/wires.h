@@ -22,11 +22,11 @@ struct StudyWire {
 
 /// The paper's wire: EI 6.35e-9 N m^2 throughout, 0.178 mm radius; wall 0.01 N/mm^2.
 StudyWire PaperWire(double tip_angle_rad);
-/// A 0.014-inch wire: steel core of 1.6e-4 N m^2, tapering over 120 mm to 1e-8 N m^2 at the tip,
-/// which is angled by 45 degrees; wall 1 N/mm^2.
+/// A 0.014-inch wire: steel core of 1.6e-4 N m^2, tapering over 120 mm to 1e-8 N m^2. The tip is
+/// angled by 45 degrees; wall 1 N/mm^2.
 StudyWire Wire014();
-/// A 0.035-inch wire: 1e-3 N m^2, tapering over 100 mm to 1e-6 N m^2 at the tip, which is angled by
-/// 45 degrees; wall 10 N/mm^2.
+/// A 0.035-inch wire: 1e-3 N m^2, tapering over 100 mm to 1e-6 N m^2. The tip is angled by 45
+/// degrees; wall 10 N/mm^2.
 StudyWire Wire035();
 
 }  // namespace torquer::study

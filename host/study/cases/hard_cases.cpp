@@ -210,7 +210,7 @@ void AddPaper(std::vector<HardCase>& cases) {
       {"a start straight through the wall, 240 mm long", {.deepest_mm = {}}},
       {"a start with tangents at random", {.deepest_mm = {}}},
       // As for Newton: "rigidity 10000 times nominal" is 8.6 mm deep. With two cycles per tick, a
-      // wire with 700 times the nominal stiffness was 26 mm deep; unbent it would be 45 mm.
+      // wire of 700 times the nominal stiffness was 26 mm deep. Unbent it would be 45 mm deep.
       {"anything at random", {.deepest_mm = 15, .or_unbent = true}},
   };
   std::size_t used = 0;

@@ -80,7 +80,7 @@ struct HardOutcome {
   int snaps = 0;
   double deepest_mm = 0;  ///< deepest penetration in all ticks
   double at_rest_mm = 0;  ///< deepest penetration in the converged ticks
-  /// Depth of a straight wire from the sheath, of the largest length in the script; not less than
+  /// Depth of a straight wire from the sheath, of the largest length in the script. Not less than
   /// the wire's depth at the start.
   double unbent_mm = 0;
   double tip_stands_off_mm = 0;  ///< HardScene's

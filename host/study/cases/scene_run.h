@@ -26,13 +26,14 @@ struct SceneOutcome {
   double last_residual = 0;
 };
 
-/// Moves the hands of a scene at random for `moves` moves of some ticks each, then holds them
+/// Moves the hands of a scene at random for `moves` moves of some ticks each. Then it holds them
 /// still, draws all instruments out, and begins again.
 ///
-/// Checked after every tick are the geometry of every curve, the account of each hand, and finite
-/// energies, forces and readings. At rest no instruments overlap without the energy of a contact,
-/// and steps must not raise the energy. In a scene that does not evolve by itself, the instruments
-/// must come to rest. A copy of the run, and a second start, must repeat the states bit for bit.
+/// After every tick it checks the geometry of every curve and the account of each hand. Energies,
+/// forces and readings must be finite. At rest no instruments overlap without the energy of a
+/// contact, and steps must not raise the energy. In a scene that does not evolve by itself, the
+/// instruments must come to rest. A copy of the run, and a second start, must repeat the states bit
+/// for bit.
 SceneOutcome RunScene(scene::Scene& scene, std::mt19937& random, int moves);
 
 }  // namespace torquer::study
