@@ -6,7 +6,7 @@
 namespace torquer {
 
 /// Error for input of the user, or behavior of a device, that cannot be used. The message of
-/// `what()` is one or more sentences that name the file, line or field, the value, and the remedy.
+/// `what()` names the file, line or field, the value, and the remedy, in one or more sentences.
 /// Programs print it and exit with kExitUserError (host/support/program.h).
 class UserError : public std::runtime_error {
  public:

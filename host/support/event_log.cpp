@@ -132,8 +132,8 @@ bool EventLogReader::Place(Header& header) {
   return false;
 }
 
-// True for the first record of a log that follows another one: its number is 0, and the next one's
-// is 1. A log of one record may be the last.
+// True for the first record of a log that follows another log: number 0, before number 1. A log of
+// one record may be the last.
 bool EventLogReader::BeginsLog(const Header& header) const {
   if (expected_ <= 0 || header.number != 0) return false;
   Header next;
@@ -142,7 +142,7 @@ bool EventLogReader::BeginsLog(const Header& header) const {
 }
 
 // True if the record may be used. If the number of the next record shows that only this number is
-// wrong, the bytes of this record are not trusted.
+// wrong, this record is not trusted.
 bool EventLogReader::NumberFits(const Header& header) {
   if (expected_ < 0 || header.number == expected_ || BeginsLog(header)) return true;
   Header next;

@@ -1,9 +1,9 @@
 // Reads logs of LCM messages, written by event_log_writer or lcm-logger. Skips damage and reports
 // it.
 //
-// A record: the word 0xEDA1DA01, its number (8 bytes), its time (8), the lengths of channel and
-// data (4 each), channel, data. All numbers are in network byte order. Records follow each other
-// without a gap, and their numbers rise by one.
+// A record: the word 0xEDA1DA01, its number (8 bytes), its time (8). The lengths of channel and
+// data (4 each), channel and data follow. All numbers are in network byte order. Records follow
+// each other without a gap, and their numbers rise by one.
 #pragma once
 
 #include <cstdint>

@@ -5,8 +5,7 @@
 
 namespace torquer {
 
-/// "a folder", "a device", "a pipe" and so on, for the st_mode of a file that is not an ordinary
-/// file.
+/// "a folder", "a device", "a pipe" and so on, by the st_mode of a file that is no ordinary file.
 inline const char* FileKind(mode_t mode) {
   switch (mode & S_IFMT) {
     case S_IFDIR:

@@ -21,7 +21,7 @@ struct FoundBoard {
 
 class BoardSearch {
  public:
-  /// device: serial number; empty: the only connected board. port: serial port of a board in
+  /// `device`: serial number; empty: the only connected board. `port`: serial port of a board in
   /// Caterina or with an Arduino program; empty: find a board.
   BoardSearch(Boards& boards, std::string device, std::string port);
 

@@ -9,10 +9,10 @@
 //   skip STEP                        skip the step rest, lift or joystick
 //   quit                             give up, as Ctrl-C does
 //
-// With --source, `mark` waits until the hand has moved by 100 counts since the last mark of the
-// step and has rested for 0.3 s. `skip` waits for its step. Without --source no step waits, and the
-// script moves a simulated device with readings every millisecond. Its first statement names this
-// device:
+// With --source, `mark` waits until the hand has moved by 100 counts since the step's last mark.
+// The hand must then rest for 0.3 s. `skip` waits for its step. Without --source no step waits, and
+// the script moves a simulated device with readings every millisecond. Its first statement names
+// this device:
 //
 //   device SERIAL CPI
 //   rest SECONDS

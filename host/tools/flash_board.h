@@ -1,5 +1,5 @@
-// Board interface of torquer-flash: boards on the USB, and feature reports of Torquer's boards.
-// libusb implements it, and in tests the emulator.
+// Board interface of torquer-flash: boards on the USB, and feature reports of Torquer's boards. It
+// is implemented with libusb, and in tests with the emulator.
 #pragma once
 
 #include <memory>

@@ -39,8 +39,8 @@ std::optional<ImageTrailer> TrailerIn(std::span<const std::uint8_t> flash) {
   return trailer;
 }
 
-// Decodes the bytes of one line after the colon; nullopt if the line is not made of pairs of
-// hexadecimal digits.
+// Decodes the bytes of one line after the colon. Returns nullopt if the line is not made of pairs
+// of hexadecimal digits.
 std::optional<std::vector<std::uint8_t>> BytesOfLine(const std::string& line) {
   if (line.size() % 2 == 0) return std::nullopt;
   std::vector<std::uint8_t> bytes;

@@ -1,6 +1,6 @@
 // Flash procedure: installs firmware on a board. Its steps: find the board, check the image, enter
-// the bootloader, write, verify, commit, and read the self-test of the new firmware. It can start
-// in any state of the board.
+// the bootloader, write, verify, commit. At last it reads the self-test of the new firmware. It can
+// start in any state of the board.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ struct FlashRequest {
   std::string image;         ///< image file; empty: the one in `image_folder` for board and clock
   std::string image_folder;  ///< folder with the images of the build
   std::string device;        ///< serial number; empty: the only connected board
-  /// Serial port of a board in Caterina, or of one with an Arduino program that may be overwritten;
-  /// empty: find a board.
+  /// Serial port of a board in Caterina, or with an Arduino program that may be overwritten; empty:
+  /// find a board.
   std::string port;
   bool force = false;    ///< allow an older version to replace a newer one
   bool dry_run = false;  ///< report the planned actions without executing them
