@@ -55,8 +55,7 @@ class MessageRate {
   int messages_ = 0;
 };
 
-/// Last frame of the WebSocket for a page that has broken a rule, with the rule in at most 100
-/// letters.
+/// Last frame of the WebSocket for a page that broke a rule, with the rule in at most 100 letters.
 std::string CloseFrame(std::string_view reason);
 
 }  // namespace torquer::viewer

@@ -9,8 +9,8 @@ namespace torquer::viewer {
 std::string RandomToken();
 
 /// Token in the file `path`, so that open pages find a restarted viewer. A missing file is created,
-/// readable by its owner alone. Throws UserError if it can neither be read nor created, if others
-/// may read it, or if it has no token.
+/// readable by its owner alone. Throws UserError for a file that can neither be read nor created,
+/// that others may read, or without a token.
 std::string KeptToken(const std::string& path);
 
 }  // namespace torquer::viewer

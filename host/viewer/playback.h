@@ -10,8 +10,8 @@ namespace torquer::viewer {
 
 class Playback {
  public:
-  /// Plays a recording of length_us from its first wire state. state_times_us: times of the states,
-  /// at least one, not decreasing; must outlive this.
+  /// Plays a recording of `length_us` from its first wire state. `state_times_us`: times of the
+  /// states, at least one, not decreasing; must outlive this.
   Playback(std::int64_t length_us, const std::vector<std::int64_t>& state_times_us);
 
   /// Advances by the time since the last call, times the speed; stops at the end.

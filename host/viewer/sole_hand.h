@@ -10,8 +10,8 @@ namespace torquer::viewer {
 /// The claim on steering a bus, held until destruction.
 class SoleHand {
  public:
-  /// Listens for kListenMs. Throws UserError naming the process of the viewer that has the claim,
-  /// or the instrument that is commanded and by whom.
+  /// Listens for kListenMs. Throws UserError naming the viewer's process that has the claim, or the
+  /// commanded instrument and the commanding process.
   explicit SoleHand(const std::string& url);
 
   /// Time of listening. A daemon sends a command at least ten times a second.

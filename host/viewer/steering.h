@@ -16,7 +16,7 @@
 
 namespace torquer::viewer {
 
-/// One page steers at a time: the first that sends controls, until it is gone or has been silent
+/// One page steers at a time: the first that sends controls. It steers until it is gone or silent
 /// for kReleaseUs. Each message of the page is valid for kSilentUs. After that all motion stops,
 /// and the pedals are up.
 class Steering {

@@ -16,9 +16,9 @@ using Motions = std::vector<const effects::PeriodicMotion*>;
 Motions MotionsOf(const scene::Scene& scene);
 
 /// Shares of a motion's displacement at points at rest: 2^m per point, one for each corner. At a
-/// corner each motion is at its beginning (bit 0) or its end (bit 1), the first motion in the
-/// lowest bit. Between corners the share is multilinear. It is exact at the corners, where the
-/// heart rests and the breath is held, and nearly exact while only one motion is active.
+/// corner each motion is at its beginning (bit 0) or its end (bit 1). The lowest bit is the first
+/// motion. Between corners the share is multilinear. It is exact at the corners, where the heart
+/// rests and the breath is held. It is nearly exact while only one motion is active.
 using Shares = std::vector<float>;
 
 /// Shares of each motion at `points_mm`.
