@@ -289,7 +289,7 @@ TEST_CASE("A catheter that slides around the points takes their anchors along wi
 TEST_CASE("A force between two places of a catheter is shared by the lever rule") {
   Slider slider(0.3, 0.01);
   PointSet& points = slider.points;
-  // The point at 1 mm of a wire of 3 mm presses, 0.3 mm behind a place of the catheter's surface.
+  // A wire of 3 mm presses at 1 mm, 0.3 mm behind a place of the catheter's surface.
   points.position = {Vector3d(1, 0, 0), Vector3d(2, 0, 0), Vector3d(3, 0, 0)};
   points.weight_mm = {1, 1, 0.5};
   points.radius_mm = {0.2, 0.2, 0.2};
@@ -301,7 +301,7 @@ TEST_CASE("A force between two places of a catheter is shared by the lever rule"
   slider.friction.Begin(points);
   slider.friction.End(points);
   slider.friction.Begin(points);
-  // The whole stack advances by 1 mm: the places at 0.3 and 1.3 mm bear 0.3 and 0.7 of mu N.
+  // The whole stack advances by 1 mm. The places at 0.3 and 1.3 mm bear 0.3 and 0.7 of mu N.
   PointSet pushed = points;
   for (Vector3d& at : pushed.position) at[0] += 1;
   pushed.start[0] += 1;
@@ -312,7 +312,7 @@ TEST_CASE("A force between two places of a catheter is shared by the lever rule"
   out.hessian.resize(3);
   slider.friction.Add(pushed, out);
   const double limit_N = 0.3 * 0.1;
-  // The place at 0.3 mm is on the piece next to the sheath, the place at 1.3 mm on the next piece.
+  // The piece next to the sheath has the place at 0.3 mm. The next piece has the place at 1.3 mm.
   CHECK(out.gradient[0][0] == Approx(limit_N * (0.3 * 0.3 + 0.7 * 0.7)));
   CHECK(out.gradient[1][0] == Approx(limit_N * 0.7 * 0.3));
   CHECK(out.used[2] == PointDerivatives::kNothing);

@@ -34,11 +34,11 @@ TEST_CASE("A surface that reaches a point of another surface has not rolled ther
   CHECK(energy_mJ() > 1e-6);
 }
 
-// Closed form of a torque lag: a wire drawn round the bend with the force F presses with F/R per
+// Closed form of a torque lag. A wire drawn round the bend with the force F presses with F/R per
 // length. Turned slowly, it feels the friction torque t = mu F r / R per length. Its twist
 // decreases along the wire by t/GJ per length, to where the wire sticks. A turn by a twists the
 // length sqrt(2 GJ a / t), and the hand feels sqrt(2 GJ t a). Beyond a turn of t L^2 / 2 GJ the
-// whole wire slips: the hand feels t L, and the tip lags by that turn.
+// whole wire slips. The hand feels t L, and the tip lags by that turn.
 TEST_CASE(
     "Turned in a catheter against its friction, a wire follows the closed form of a torque lag") {
   const double segment_mm = GENERATE(2.0, 1.0, 0.5);

@@ -15,8 +15,8 @@ constexpr double kRightAngle = 1.5707963267948966;
 
 struct Arcs : FreeStack {
   using FreeStack::FreeStack;
-  /// Curvature vector in 1/mm, from the bend between two segments about half a segment on either
-  /// side of the arc length.
+  /// Curvature vector in 1/mm, from the bend between two segments. They lie about half a segment on
+  /// either side of the arc length.
   Vector3d CurvatureAt(double s_mm) const {
     const int n = state.segments();
     const int joint =

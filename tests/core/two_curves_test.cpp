@@ -1,5 +1,5 @@
-// Instruments on two to four curves, each with clearance in the lumen of the next one:
-// quadratic model, sweep, feeding and equilibrium.
+// Instruments on two to four curves, each with clearance in the lumen of the next one. Quadratic
+// model, sweep, feeding and equilibrium.
 #include "tests/support/two_curves.h"
 
 #include <Eigen/Dense>

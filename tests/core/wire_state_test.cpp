@@ -33,8 +33,8 @@ TEST_CASE("Feeding and retracting keep lengths exact, however it is done") {
 }
 
 TEST_CASE("A wire in a bend slides along itself") {
-  // Along an arc of radius 20 the nodes lie on the arc after any feed, except for the end, which
-  // continues straight.
+  // After any feed along an arc of radius 20, the nodes lie on the arc. Only the end continues
+  // straight.
   const WireModel model = MakeWire({.segment_mm = 1});
   const double radius = 20;
   std::vector<Vector3d> arc;

@@ -1,5 +1,5 @@
-// Board around the chip: state left by Arduino's bootloader, USB memory, contact bounce, the end
-// switch, and a joystick whose rest is off center.
+// Board around the chip: state left by Arduino's bootloader, USB memory, contact bounce and the end
+// switch. The joystick rests off center.
 #include <algorithm>
 #include <cmath>
 

@@ -1,8 +1,8 @@
 // Start-up stub that starts an application as Caterina, the bootloader of Arduino's boards, does.
-// Caterina has cleared MCUSR by then. After a reset by the pin, or after its timeout of 8 s, it
-// leaves the USB controller on, endpoints with memory, an address, and its LED pins as outputs. The
-// stub shortens the timeout and serves no request. The order of steps is that of Caterina.c and of
-// LUFA, as Arduino publishes them.
+// Caterina has cleared MCUSR by then. A reset by the pin or a timeout of 8 s ends Caterina. The USB
+// controller is then on, with an address and with memory for its endpoints. The LED pins are
+// outputs. The stub shortens the timeout and serves no request. The order of steps is that of
+// Caterina.c and of LUFA, as Arduino publishes them.
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/wdt.h>

@@ -1,5 +1,5 @@
-// Firmware budget: flash, RAM, stack, cycles and lost reports, measured on the images themselves
-// while a hand moves at 1 m/s. Exits with 1 if a limit is exceeded.
+// Firmware budget: flash, RAM, stack, cycles and lost reports. It is measured on the images
+// themselves while a hand moves at 1 m/s. Exits with 1 if a limit is exceeded.
 #include <sys/stat.h>
 
 #include <algorithm>

@@ -1,5 +1,6 @@
-// Optics of the virtual sensor against figures of a real one: shading of its lamp, sharpness by
-// height, order of the pixels. The former verdict, which judged one picture, fails on them.
+// Optics of the virtual sensor against figures of a real one. Tested are the lamp's shading, the
+// sharpness by height and the pixel order. The former verdict, which judged one picture, fails on
+// them.
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>

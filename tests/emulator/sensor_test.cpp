@@ -1,5 +1,5 @@
-// Firmware with a sensor that behaves as in its data sheet: it may enter rest mode, reset itself,
-// freeze, take a firmware image, and send pictures.
+// Firmware with a sensor that behaves as in its data sheet. The sensor may enter rest mode, reset
+// itself, freeze, take a firmware image, and send pictures.
 #include <algorithm>
 #include <cmath>
 #include <numeric>

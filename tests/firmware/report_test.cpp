@@ -13,8 +13,8 @@
 namespace torquer::firmware {
 namespace {
 
-/// Surface motion by `axial` counts in distal direction and `transverse` counts right-handed, as
-/// seen by a sensor whose board lies along the pipe.
+/// Surface motion by `axial` counts in distal direction and `transverse` counts right-handed. The
+/// board of the sensor that sees it lies along the pipe.
 MotionSample Moved(int axial, int transverse) {
   MotionSample sample;
   sample.delta_y = static_cast<std::int16_t>(axial);

@@ -134,8 +134,8 @@ TEST_CASE("writes go on for thousands of changes, sequence and count wrapping or
   CHECK(Loaded().writes() == 1000);
 }
 
-// Power loss before or during the k-th byte write of a change must leave either the former values
-// or the new ones.
+// Power loss before or during the k-th byte write of a change must leave the former or the new
+// values.
 TEST_CASE("a torn write at every byte leaves the old settings or the new ones") {
   std::mt19937 random(7);
   for (const int former_changes : {0, 1, 2, 3, 300}) {

@@ -1,5 +1,5 @@
-// Stand-in for a board in Caterina on a pseudo-terminal: AVR109 as far as avrdude uses it, a flash,
-// and a log of its operations.
+// Stand-in for a board in Caterina on a pseudo-terminal. It has the commands of AVR109 that avrdude
+// uses, a flash, and a log of its operations.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,5 @@
-// Real avrdude, run as torquer-flash runs it, against a board in Caterina: order of page writes,
-// and messages when the board is lost.
+// Real avrdude, run as torquer-flash runs it, against a board in Caterina. Tests the order of page
+// writes, and messages when the board is lost.
 #include "host/tools/caterina.h"
 
 #include <fcntl.h>

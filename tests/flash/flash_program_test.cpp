@@ -1,5 +1,5 @@
-// torquer-flash as a user runs it, on unmodified libusb: umockdev mocks usbfs, and the bootloader
-// and the firmware run in the emulator.
+// Program torquer-flash as a user runs it, on unmodified libusb. The bootloader and the firmware
+// run in the emulator; umockdev mocks usbfs.
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fstream>

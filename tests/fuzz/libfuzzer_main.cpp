@@ -1,8 +1,8 @@
-// fuzz-libfuzzer [libFuzzer's options and folders] runs one target under libFuzzer, whose inputs
+// `fuzz-libfuzzer [libFuzzer's options and folders]` runs one target under libFuzzer, whose inputs
 // follow the code that they reach (https://llvm.org/docs/LibFuzzer.html). The environment variable
 // TORQUER_FUZZ_TARGET names the target, because libFuzzer restarts itself with other arguments.
-// fuzz-libfuzzer --list prints the targets. fuzz-libfuzzer --seeds FOLDER writes the target's seeds
-// there. tests/fuzz/run calls it.
+// `fuzz-libfuzzer --list` prints the targets. `fuzz-libfuzzer --seeds FOLDER` writes the target's
+// seeds there. The script tests/fuzz/run calls it.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -1,8 +1,8 @@
 // Fuzz target: one parser of the product, tested with arbitrary bytes.
 //
-// A target passes bytes to one parser and reports if they were accepted. The program fuzz-replay,
-// in the asan build, runs each target's seeds, its committed corpus and a fixed number of mutations
-// of both.
+// A target passes bytes to one parser and reports if they were accepted. In the asan build,
+// fuzz-replay runs each target's seeds, its committed corpus and a fixed number of mutations of
+// both.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ struct Target {
   /// exception, and any report of a sanitizer, is a defect.
   bool (*accepts)(std::span<const std::uint8_t> input);
   /// Corrects checksums and lengths after a mutation, so that it reaches the code behind their
-  /// checks; null if the format has none.
+  /// checks. Null if the format has none.
   void (*repair)(Bytes& input) = nullptr;
   /// Number of mutations in fuzz-replay: two or three seconds under sanitizers.
   int replay_inputs = 10000;

@@ -15,8 +15,8 @@ struct BoardReportRequest {
   std::function<void(const std::string& line)> say = [](const std::string&) {};
 };
 
-/// Report with ids, self-test, fuses, rates and jitter, surface quality, the camera's picture with
-/// its verdict, and the stored calibration of the device. A missing part gives the reason in its
+/// Report with ids, self-test, fuses, rates, jitter and surface quality. It also has the camera's
+/// picture with its verdict, and the stored calibration. A missing part gives the reason in its
 /// place. Throws torquer::UserError if there is no device.
 std::string BoardReport(const BoardReportRequest& request);
 

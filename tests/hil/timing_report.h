@@ -1,5 +1,5 @@
-// Timing report: sampling jitter of a device and latency of its reports, measured through the
-// daemon's own USB source and clock map.
+// Timing report: sampling jitter of a device and latency of its reports. Measured through the
+// daemon's USB source and clock map.
 #pragma once
 
 #include <string>

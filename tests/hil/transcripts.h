@@ -32,13 +32,13 @@ void OutlivesGivenUpTransfers(Program& program);
 /// reports the reason; counts, time and sequence restart.
 void RestartsByItsWatchdog(Program& program);
 
-/// Checks that the sensor answers, and that since the device's start there was no restart, no loss
-/// and no nearly full stack.
+/// Checks that the sensor answers. Since the device's start there must be no restart, no loss and
+/// no nearly full stack.
 void IsInGoodHealth(Program& program);
 
 /// --- open points of the sensor and of the USB, which only silicon settles -----------------------
 
-/// Checks that rows of requests in both directions are served: the status stage of each read stays
+/// Checks that rows of requests in both directions are served. The status stage of each read stays
 /// unreleased until the next SETUP packet.
 void ServesRowsOfRequests(Program& program, int rounds);
 

@@ -1,5 +1,5 @@
-// System calls of an AtomicFile and their order: this program's fsync() and rename() replace those
-// of the C library, record the call and pass it on.
+// System calls of an AtomicFile and their order. This program's fsync() and rename() replace those
+// of the C library. They record the call and pass it on.
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>

@@ -45,7 +45,7 @@ TEST_CASE("Integers reach both ends, each as often", "[support]") {
   for (const int count : bins) chi_squared += std::pow(count - kDraws / 7.0, 2) / (kDraws / 7.0);
   CHECK(chi_squared < 22.5);  // 6 degrees of freedom, once in a thousand
   CHECK(random.Integer(5, 5) == 5);
-  // A range of 3/4 of all 64-bit numbers: with a plain modulo, a third of the results would be
+  // A range of 3/4 of all 64-bit numbers. With a plain modulo, a third of the results would be
   // twice as likely as the others.
   constexpr std::int64_t kHigh = 0x5fffffffffffffff;
   int low_third = 0;

@@ -55,8 +55,8 @@ struct Loose {
   }
 };
 
-// Deflection of a wire at the length b beyond the mouth of a rigid straight lumen, where a force F
-// pushes it sideways. The wire has the length `inside` in the lumen and the clearance c on each
+// Deflection of a wire at the length b beyond the mouth of a rigid straight lumen. A force F pushes
+// it sideways there. The wire has the length `inside` in the lumen and the clearance c on each
 // side. It rests on the mouth's edge on one side. It touches the other side, parallel to the lumen,
 // at the distance a behind the mouth.
 double DeflectionBeyondMouth(double EI, double c, double inside, double b, double F) {
@@ -127,8 +127,8 @@ TEST_CASE("Two curves with shrinking room approach one curve") {
 }
 
 // A soft wire is pulled by T round an evenly bent, stiff lumen of radius R with the clearance c. It
-// runs straight from the clamp to the inner side, which it reaches where the lumen has turned by
-// sqrt(2 c / R). From there on it lies at the inner side and presses with T / R per length.
+// runs straight from the clamp to the inner side. There the lumen has turned by sqrt(2 c / R). From
+// there on it lies at the inner side and presses with T / R per length.
 TEST_CASE("Pulled round a bend a wire lies at the inner side of the lumen") {
   constexpr double kBend_mm = 40;
   constexpr double kRoom_mm = 0.3;

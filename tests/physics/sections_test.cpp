@@ -97,7 +97,7 @@ Vector3d EndAtRest(const PlanarRod& rod) {
   return {end[1], end[2], 0};
 }
 
-// An instrument of a stack: it bends towards its first normal, and its hand has turned it by a half
+// An instrument of a stack. It bends towards its first normal. Its hand has turned it by a half
 // turn or not at all.
 struct Member {
   std::vector<WireSection> sections;

@@ -18,7 +18,7 @@ constexpr double kLoopRigidity = 0.05;  // N mm^2
 constexpr double kLoopWireMm = 0.2;     // radius
 
 // A wire that rests as a loop of somewhat more than one turn. A force on its tip holds it on one
-// side of its shaft while it is fed, and then presses it on the shaft.
+// side of its shaft during the feed. Then the force presses it on the shaft.
 struct Loop {
   InstrumentStack stack;
   FreeSpace field;

@@ -10,8 +10,8 @@
 namespace torquer::test {
 namespace {
 
-// Springs at the distal end: on its place along some axes, on the direction of the last segment,
-// and on that segment's normal.
+// Springs at the distal end. They act on its place along some axes, on the last segment's
+// direction, and on that segment's normal.
 class HeldEnd final : public EnergyTerm {
  public:
   HeldEnd(const Vector3d& place, const Vector3d& along, const Vector3d& direction,
@@ -75,8 +75,8 @@ TEST_CASE("A torque T twists a straight wire by T L / GJ") {
   REQUIRE(Settle(*relaxation, {kShaft + kArc, 0}, state, 200).converged);
   double twist = 0;
   for (const double t : state.twist_rad()) twist += t;
-  // The arm turns away from the force: T = F a cos(twist). a is the polygon's arm; half of the
-  // joint between shaft and arm belongs to the arm. The shaft bends a little.
+  // The arm turns away from the force: T = F a cos(twist), where a is the polygon's arm. Half of
+  // the joint between shaft and arm belongs to the arm. The shaft bends a little.
   const double arm = state.nodes().back().tail<2>().norm();
   CHECK(arm == Approx(radius).epsilon(0.05));
   CHECK(twist == Approx(force_N * arm * std::cos(twist) * (kShaft - 0.25) / kGj).epsilon(1e-2));

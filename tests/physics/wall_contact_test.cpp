@@ -14,9 +14,9 @@ namespace {
 TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lifts off in time") {
   // The wire is clamped where it meets the post. A force F pulls its end at the angle `pull` to the
   // clamp. In an elastica under normal loads T + EI kappa^2/2 is constant; at the end it is F. In
-  // contact, kappa = 1/R, T = F - EI/2R^2, and the line load is T/R. Beyond the contact, with theta
-  // the angle to the force, EI theta'' = F sin theta, so that kappa = 2 sqrt(F/EI) sin(theta/2).
-  // The wire leaves the post where that is 1/R.
+  // contact, kappa = 1/R, T = F - EI/2R^2, and the line load is T/R. Beyond the contact, theta is
+  // the angle to the force. There EI theta'' = F sin theta, so that kappa = 2 sqrt(F/EI)
+  // sin(theta/2). The wire leaves the post where that is 1/R.
   const double rigidity = 1;
   const double wire_radius = 0.2;
   const double radius = 10;
@@ -134,7 +134,7 @@ class EvenLoad final : public EnergyTerm {
 
 TEST_CASE(
     "A loaded end on a soft floor sinks as a beam on an elastic foundation, to second order") {
-  // Hetenyi: a long beam with a force P at its free end sinks there by 2 P b / k, with b = (k /
+  // Hetenyi: a long beam with a force P at its free end sinks there by 2 P b / k. Here b = (k /
   // 4EI)^(1/4). A uniform load keeps the whole wire on the floor.
   constexpr double kDeep_mm = 0.01;
   constexpr double kRigidity = 1;

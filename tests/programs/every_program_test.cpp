@@ -1,5 +1,5 @@
-// Command-line conventions: every program of the build answers --help, --version and --completion,
-// and refuses a bad command line, in the same way.
+// Command-line conventions. Every program of the build answers --help, --version and --completion
+// alike, and refuses a bad command line alike.
 #include "tests/programs/every_program.h"
 
 #include <algorithm>

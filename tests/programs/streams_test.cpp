@@ -1,6 +1,6 @@
-// Standard streams of a program that only answers or refuses: each is closed, full, limited or
-// opened the wrong way, one at a time. The program must get no signal, not wait, and exit with the
-// true status.
+// Standard streams of a program that only answers or refuses. One at a time, each is closed, full,
+// limited or opened the wrong way. The program must get no signal, not wait, and exit with the true
+// status.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>

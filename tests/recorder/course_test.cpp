@@ -52,8 +52,8 @@ double Highest(const Series& series) {
 }  // namespace
 
 TEST_CASE("The course has way, speed and reversals of a motion that is known") {
-  // 4 s forward at 10 mm/s, 1 s back at 5 mm/s, 1 s at rest with a tremor of 0.4 mm, 2 s forward at
-  // 20 mm/s.
+  // Forward for 4 s at 10 mm/s, back for 1 s at 5 mm/s. Then 1 s at rest with a tremor of 0.4 mm,
+  // and 2 s forward at 20 mm/s.
   const auto place_mm = [](double time_s) {
     if (time_s < 4) return 10 * time_s;
     if (time_s < 5) return 40 - 5 * (time_s - 4);

@@ -41,21 +41,21 @@ struct SessionFaults {
 };
 
 /// Writes the log of a session to `path`. The box kBox sends 1000 reports at 1 kHz with 2 counts
-/// each; the clutch is held from report 500 to 599. A state follows each report, 1 ms later for
+/// each. The clutch is held from report 500 to 599. A state follows each report, 1 ms later for
 /// each of the first 990, 5 ms for the others. Readings show 1, then 4 events of the wall force;
 /// the largest is 2.5 mN per event.
 ///
 /// With faults.course the scene has X-ray, contrast and an assessment. X-ray is on with reports 200
-/// to 399 and 600 to 649, contrast with 300 to 349. Readings come 20 times, every 50 ms, with a
-/// wall force of 20 mN and a peak of 80 mN between two of them. The target is reached at 0.7 s; 10
-/// ticks do not converge.
+/// to 399 and 600 to 649, contrast with 300 to 349. Readings come 20 times, every 50 ms. They have
+/// a wall force of 20 mN and a peak of 80 mN between two of them. The target is reached at 0.7 s;
+/// 10 ticks do not converge.
 ///
 /// The box kCatheterBox moves the catheter by 1 count with each report; its clutch is never held.
 /// Its hand is 2 ms ahead of the guidewire's hand.
 void WriteSession(const std::string& path, const SessionFaults& faults);
 
-/// With running_counts the emulator reports its counts every 10 reports, when it has made 3 more
-/// than the daemon has received. The daemon reports every 250.
+/// With running_counts the emulator reports its counts every 10 reports. It is then 3 reports ahead
+/// of the daemon. The daemon reports every 250.
 inline constexpr int kReportsAhead = 3;
 
 /// Serial numbers and figures of the session above.

@@ -115,8 +115,8 @@ TEST_CASE("The size of the rows does not change the path of a wire whose snaps t
   torquer::scene::Scene scene(file.path());
   const double push_mm = torquer::test::Rounds(40, 10);
   const auto reference = Push(scene, push_mm, 0.25);
-  // Rows of 0.5 and 2 mm have the same parts of 12.5 ms, but parts within a row are relaxed less.
-  // Finer rows have finer time steps.
+  // Rows of 0.5 and 2 mm have the same parts of 12.5 ms. Parts within a row are relaxed less. Finer
+  // rows have finer time steps.
   for (const double row_mm : {0.5, 2.0, 0.05}) {
     INFO("rows of " << row_mm << " mm");
     const auto shapes = Push(scene, push_mm, row_mm);

@@ -1,5 +1,5 @@
-// Instruments beside each other under random hand motion: they push, withdraw, pass and turn, in a
-// vessel and in the lumen of an instrument around both. They never pass through each other.
+// Instruments beside each other under random hand motion, in a vessel and in the lumen of an
+// instrument around both. They push, withdraw, pass and turn, but never pass through each other.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -82,8 +82,8 @@ struct DrawnBeside {
     }
     return least;
   }
-  // Offsets across between instruments that are no farther apart than twice the distance at which
-  // they touch, by pair of curves and segment from the tip of the inner one.
+  // Transverse offsets between instruments within twice the distance at which they touch. Keys:
+  // pair of curves, and segment counted from the tip of the inner one.
   std::map<std::pair<int, int>, Vector3d> CloseOffsets() const {
     std::map<std::pair<int, int>, Vector3d> offsets;
     int pair = 0;
@@ -117,7 +117,7 @@ int CountPassed(const std::map<std::pair<int, int>, Vector3d>& before,
   return passed;
 }
 
-// True if the groups of all pairs can be met from the tips on, without a way back on any curve.
+// True if all pairs' groups can be met from the tips on, without a way back on any curve.
 bool InOrder(const WireState& state, const std::vector<BetweenCurves>& between) {
   std::vector<int> left;
   for (const BetweenCurves& pair : between) left.push_back(static_cast<int>(pair.groups.size()));

@@ -1,5 +1,5 @@
-// Measures of the accuracy study: distances between wires of different segments, basins, residuals,
-// the field that is only continuous, and one complete case.
+// Measures of the accuracy study: distances between wires of different segments, basins and
+// residuals. Also the field that is only continuous, and one complete case.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -50,7 +50,8 @@ TEST_CASE("A wire recut in other segments is the same wire") {
   CHECK(to.segments() == 40);
   CHECK(to.insertion_mm() == 40);
   CHECK(to.rotation_rad() == 0.7);
-  // A chord of 1 mm deviates from a circle of 50 mm by 2.5 um, and is 0.7 um too short in all.
+  // A chord of 1 mm deviates from a circle of 50 mm by 2.5 um. All chords together are 0.7 um too
+  // short.
   CHECK(Compare(fine, from, coarse, to).max_mm < 0.004);
   CHECK(Compare(fine, from, coarse, to).mean_mm > 1e-5);
 }

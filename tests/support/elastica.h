@@ -1,5 +1,5 @@
 // Closed form of a cantilever under a dead force at its end, across it at the clamp (Bisshopp &
-// Drucker 1945): the limit of the wire for small segments.
+// Drucker 1945). It is the limit of the wire for small segments.
 #pragma once
 
 #include <cmath>

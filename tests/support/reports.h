@@ -39,7 +39,7 @@ inline std::array<std::uint8_t, sizeof(protocol::InputReport)> BytesOf(
   return bytes;
 }
 
-/// Settings that a device accepts if `cpi` is a resolution of its sensor; `deadzone` is in counts
+/// Settings that a device accepts if `cpi` is a resolution of its sensor. `deadzone` is in counts
 /// of the joystick's converter.
 inline protocol::ConfigurationReport ConfigurationOf(int cpi, int deadzone = 0) {
   protocol::ConfigurationReport configuration{};

@@ -9,8 +9,8 @@
 
 namespace torquer::test {
 
-/// Spring that couples a point with the spin of its segment: k (b.(x - x_0) + phi)^2 / 2. phi is
-/// the turn about its own axis since the start.
+/// Spring that couples a point with the spin of its segment: k (b.(x - x_0) + phi)^2 / 2. Here phi
+/// is the segment's turn about its axis since the start.
 class RollSpring final : public EnergyTerm {
  public:
   explicit RollSpring(int point) : point_(point) {}

@@ -59,8 +59,8 @@ void CheckLegs(const CenterlineNetwork& network, const Route& route, const Cente
   CHECK(sum_mm == Approx(route.length_mm).margin(0.1));
 }
 
-// n curves of 25 mm along one line, each shifted against the one before it: their ends meet many
-// others, so the joints have many places.
+// Bundle of n curves of 25 mm along one line, each shifted against the one before it. Their ends
+// meet many others, so the joints have many places.
 CenterlineNetwork Bundle(int n) {
   std::vector<Centerline> curves;
   for (int k = 0; k < n; ++k) {

@@ -223,7 +223,7 @@ TEST_CASE("two vessels that touch along an edge are kept, distinguished by the w
 
 TEST_CASE("slivers are repaired, and reported") {
   TriangleMesh tube = MakeClosedTube();
-  // A vertex in the middle of an edge: one side is split there, the other is not, and a flat
+  // A vertex in the middle of an edge. One side is split there, the other is not, and a flat
   // triangle lies between them.
   const auto triangle = tube.triangles[200];
   const auto middle = static_cast<int32_t>(tube.vertices_mm.size());

@@ -90,7 +90,7 @@ TEST_CASE("between two points the radius changes as documented for radii_mm") {
       {{"taper", ArcLinePath::FromCorners({{0, 0, 0}, {length, 0, 0}}, 15), {3, 2}, {0, length}}},
       0);
   // The values of t^2 (3 - 2 t) at t = 1/4, 1/2, 3/4 are 10/64, 1/2, 54/64. The wall's slope is at
-  // most 1.5/1000, so the distance to it differs from the radius by 3 mm (1.5e-3)^2 / 2 at most.
+  // most 1.5/1000. So the distance to it differs from the radius by at most 3 mm (1.5e-3)^2 / 2.
   const double shares[] = {10.0 / 64, 0.5, 54.0 / 64};
   for (int k = 0; k < 3; ++k) {
     const double radius = 3 - shares[k];

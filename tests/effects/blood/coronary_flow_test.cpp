@@ -59,9 +59,9 @@ Beat MeanOfBeat(Flow& flow) {
 }  // namespace
 
 // Diastole over systole in patients: 1.79 (SD 0.48) in the left main artery, 1.00 (0.32) in the
-// right one (Hadjiloizou et al., Am J Physiol Heart 2008;295:H1198). Others found 1.85 (0.70) and
-// 1.53 (0.34) (Seligman et al., EuroIntervention 2022;17:e1463). The heart's own vessels take 4 to
-// 5 % of the cardiac output.
+// right one. Source: Hadjiloizou et al., Am J Physiol Heart 2008;295:H1198. Others found 1.85
+// (0.70) and 1.53 (0.34) (Seligman et al., EuroIntervention 2022;17:e1463). The heart's own vessels
+// take 4 to 5 % of the cardiac output.
 TEST_CASE("Shipped coronary scenes fill the left coronary artery in diastole", "[effects]") {
   const std::string folder = torquer::test::SourcePath("/host/scenes/");
   for (const char* name : {"coronary", "everything"}) {

@@ -1,5 +1,5 @@
-// Inlet of given pressure: a source that holds it, compared with circuits solved by hand, and a
-// flow source of that mean pressure.
+// Inlet of given pressure, from a source that holds it. It is compared with circuits solved by
+// hand, and with a flow source of that mean pressure.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
@@ -68,8 +68,8 @@ double InflowAt(const Flow& flow, double time_s) {
   return edges[static_cast<std::size_t>(flow.graph().nodes()[inlet].edges.front())];
 }
 
-// Concentration in a branch after a long injection of 4 mL/s with 300 mg/mL into the stem: its flow
-// over the whole flow, as dye and blood mix.
+// Concentration in a branch after a long injection of 4 mL/s with 300 mg/mL into the stem. Dye and
+// blood mix, so it is the branch's flow over the whole flow.
 constexpr double kInjectedML_s = 4;
 constexpr double kInjectedAtMm = 40;
 double DilutedTo(const Flow& flow) {

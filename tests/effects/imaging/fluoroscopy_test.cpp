@@ -237,7 +237,7 @@ TEST_CASE("Overlapping lumens absorb once, as their union", "[effects]") {
   Plane both = Painted(arm, projection, {trunk, branch});
   CHECK(both.At(127, 127) == Approx(alone.At(127, 127)).epsilon(1e-4));
   // Beyond the trunk the branch is alone. Its value is the mean of 0.2 sqrt(9 - x^2) over a pixel
-  // that begins at its axis, x = 0 to 0.8. Overlapping vessels add up.
+  // from its axis, x = 0 to 0.8. Overlapping vessels add up.
   CHECK(both.At(127, 127 - 25) == Approx(0.5928).epsilon(0.003));
   const auto behind = Lumen(at + Vector3d(-40, 30, 0), at + Vector3d(40, 30, 0), 5, 5, 0.1F);
   Plane two = Painted(arm, projection, {trunk, behind});

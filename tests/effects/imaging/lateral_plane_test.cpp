@@ -28,7 +28,8 @@ struct Taken {
   double pulses, kerma_mGy, area_Gy_cm2;
 };
 
-// Pictures and dose of a plane in one second with the C-arm at a fixed angle; dye from 0.4 s on.
+// Pictures and dose of a plane in one second. The C-arm is at a fixed angle; dye flows from 0.4 s
+// on.
 Taken TakenBy(Simulation& session, std::size_t plane, double lao_deg, const std::string& prefix) {
   Taken taken;
   for (int k = 1; k <= 100; ++k) {

@@ -309,9 +309,9 @@ TEST_CASE("The force of a patch does not depend on how finely the wire is cut") 
 }
 
 TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") {
-  // Every point stands for 0.5 mm of wire, the last for half of that, and is pressed in by 0.05 mm.
-  // The load is 0.1 N/mm on a round wire of 0.2 mm radius. At 0.05 mm depth its width in the wall
-  // is 2 sqrt(0.05 (0.4 - 0.05)) mm.
+  // Every point stands for 0.5 mm of wire, the last for half of that. Each is pressed in by 0.05
+  // mm. The load is 0.1 N/mm on a round wire of 0.2 mm radius. At 0.05 mm depth its width in the
+  // wall is 2 sqrt(0.05 (0.4 - 0.05)) mm.
   PointSet points;
   points.per_segment = 2;
   points.spacing_mm = points.first_spacing_mm = 0.5;
