@@ -183,7 +183,8 @@ class Budget(unittest.TestCase):
     def test_hollow_cylinder_is_held_down_and_leaves_the_wire_free(self):
         model = budget.MODEL
         hollow = budget.cylinder_kg("catheter_core")
-        # A passage of 2 mm through 170 mm, a seat of 2.6 mm through 30 mm, less the core of the wire's.
+        # Hollow over 170 mm: a seat of 2.6 mm for 30 mm, else a passage of 2 mm. The core of the wire's cylinder is
+        # subtracted.
         taken_mm3 = math.pi / 4 * (140 * (2.0**2 - 1.1**2) + 30 * (2.6**2 - 1.1**2))
         self.assertAlmostEqual(budget.cylinder_kg() - hollow, taken_mm3 * 1e-9 * 1240 * 0.6, delta=1e-4)
         self.assertGreater(budget.lifting_force_n("catheter_core"), 3 * 9.81 * hollow / 1.2)

@@ -155,7 +155,7 @@ def test_shapes_of_known_wires_are_found(published, tmp_path, monkeypatch):
         off = off_mm(points, number)
         errors.append(float(np.sqrt((off**2).mean())))
         true = Rotation.from_rotvec(TURN).apply(wire(number)) + SHIFT
-        # To the tip, and from the entry: one picture shows a wire from 13 mm on, by clicks up to 5 mm apart.
+        # Errors at the tip and at the entry. One picture shows a wire only from 13 mm on, by clicks up to 5 mm apart.
         assert np.linalg.norm(points[-1] - true[-1]) < 2.5 and np.linalg.norm(points[0] - true[0]) < 22
         assert np.allclose(np.linalg.norm(np.diff(points, axis=0), axis=1), _curves.STEP_MM, atol=0.1)
     # Noise of the clicks, and the room that the wires leave to the registration.

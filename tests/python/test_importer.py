@@ -252,7 +252,7 @@ def test_smoothing_keeps_the_volume_of_a_ball():
     k, j, i = np.meshgrid(*(np.arange(-10, 11),) * 3, indexing="ij")
     ball = np.clip(0.5 + (6 - np.sqrt(i * i + j * j + k * k)) / 2, 0, 1).astype(np.float32)
     mesh = surface.isosurface(ball, 0.5, np.diag([-1.0, 1, 1, 1]))
-    # Facets as long as a voxel lie up to h^2 / 8 r within the ball, and so do their corners, by interpolation.
+    # Facets as long as a voxel lie up to h^2 / 8 r within the ball. By interpolation, so do their corners.
     most = 2 * 3 / (8 * 6**2)
     assert -most < mesh.volume_mm3() / (4 / 3 * np.pi * 6**3) - 1 < 0
     smooth = surface.smooth(mesh)

@@ -71,7 +71,7 @@ def test_branches_and_ways_are_measured():
     assert errors.branches_found([trunk, left, right], [trunk, left]) == (2, 0)
     assert errors.branches_found([trunk, left], [trunk, left, right]) == (2, 1)
     assert errors.branch_of([trunk, left, right], (15, 0.5, 20)) == 1
-    # From the trunk's end the way to the tip of the left branch is 20 and 20 mm, and to the start 40 mm.
+    # The way from the trunk's end to the tip of the left branch is 20 and 20 mm. The way to the start is 40 mm.
     entry = case.Entry("c00 end", trunk.points[-1], np.array([0, 0, -1.0]), 3.0)
     assert abs(errors.way_of([trunk, left, right], entry) - 0.8 * 40) < 2
     entry = case.Entry("c01 end", left.points[-1], np.array([-1.0, 0, 0]), 2.0)

@@ -200,7 +200,7 @@ def test_a_straight_wire_lies_on_the_outer_wall_of_a_torus():
         assert distances.max() == pytest.approx(outer, abs=0.01)
         assert np.abs(distances[round(0.37 * len(wire)) : round(0.45 * len(wire))] - outer).max() < 0.1
         assert gap < rows[method].rms_mm < 2 * (radius - 0.2)  # the room of the wire
-    # The middle is nearer to the center by the rest of the radius; only its ends are those of the shape.
+    # The middle line is nearer to the center by the rest of the radius. Only its ends are those of the shape.
     assert 0.8 * (radius - 0.2 - gap) < rows["middle"].rms_mm < 1.06 * (radius - 0.2 - gap)
     assert rows["wire_pushed"].outside_percent == 0 and rows["wire_pushed"].left_out_mm == 0
 

@@ -1,5 +1,5 @@
-// Generator of the README's picture of the page: arteries of the neck under X-ray as they fill,
-// with the instrument on its way.
+// Generator of the README's picture of the page. Arteries of the neck fill under X-ray, with the
+// instrument on its way.
 // usage: node tests/viewer/screenshot.mjs ROOT PROGRAMS OUTPUT.jpg
 import { BrowserSession, until } from "./browser_session.mjs";
 
