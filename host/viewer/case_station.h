@@ -59,8 +59,8 @@ class CaseStation {
   CaseStation(const CaseStation&) = delete;
   CaseStation& operator=(const CaseStation&) = delete;
 
-  /// Each returns false without effect in the wrong phase (picture above), for an unknown case, and
-  /// for an examination without X-ray. Every start has a folder with log, record and report, which
+  /// Each returns false without effect in the wrong phase (picture above), for an unknown case, or
+  /// for examinations without X-ray. Every start has a folder with log, record and report, which
   /// mark an examination.
   bool Start(std::size_t number, std::int64_t now_us, bool examination = false);
   bool End(std::int64_t now_us);

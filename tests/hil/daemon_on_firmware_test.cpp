@@ -1,6 +1,6 @@
-// The daemon as a user runs it, on unmodified libusb, reading the real firmware. Library umockdev
-// mocks usbfs; the firmware's image runs behind it in the emulator. Time is elastic: frames wait
-// for the daemon, so that the test is reliable on a busy machine.
+// The daemon as a user runs it, on unmodified libusb, reading the real firmware. The library
+// umockdev mocks usbfs; the firmware's image runs behind it in the emulator. Time is elastic:
+// frames wait for the daemon, so that the test is reliable on a busy machine.
 #include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
