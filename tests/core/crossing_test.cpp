@@ -1,76 +1,19 @@
 // Contacts that cross: of a wire with itself, and of wires that meet head on. Quadratic model,
 // sweep, memory and equilibrium.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
-#include <random>
 #include <vector>
 
-#include "host/simulator/core/newton/move_instruments.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "tests/support/allocation_counter.h"
-#include "tests/support/dense_curves.h"
+#include "tests/support/crossing_curves.h"
 #include "tests/support/sanitizer.h"
 
 namespace torquer::test {
 namespace {
-
-constexpr double kWireMm = 0.2;  // radius
-
-const FreeSpace& NoVessel() {
-  static const FreeSpace field;
-  return field;
-}
-
-WireModel CoilWire(double ratio, double curvature, const Sheath& sheath, double segment_mm) {
-  const double rigidity = 6e-3;
-  return WireModel(segment_mm, {{0, rigidity, kWireMm, curvature, 0, ratio * rigidity}}, 0, 120,
-                   BendingLaw::kExact, sheath);
-}
-
-// Points of a coil around the z axis, from (radius, 0, 0) on.
-std::vector<Vector3d> CoilPath(double radius_mm, double pitch_mm, double turns) {
-  std::vector<Vector3d> path;
-  for (double a = 0.02; a < 2 * M_PI * turns; a += 0.02) {
-    path.emplace_back(radius_mm * std::cos(a), radius_mm * std::sin(a), pitch_mm * a / (2 * M_PI));
-  }
-  return path;
-}
-
-// Instruments on one curve, wound up so that each turn presses on the next one.
-struct Coil : DenseCurves {
-  struct Settings {
-    int instruments = 1;
-    double ratio = 0;  // GJ over EI; 0 means no twist
-    double curvature = 0;
-    double segment_mm = 1.3;
-    double turns = 1.5;
-  };
-  static std::vector<WireModel> Wires(const Settings& s) {
-    const Sheath sheath{Vector3d(3, 0, 0), Vector3d(0, 1, 0.02).normalized()};
-    return std::vector<WireModel>(static_cast<std::size_t>(s.instruments),
-                                  CoilWire(s.ratio, s.curvature, sheath, s.segment_mm));
-  }
-
-  Coil(const Settings& s, unsigned seed)
-      : DenseCurves(Wires(s), {.touches_itself = true, .stiffness_N_mm2 = 2e-3}, NoVessel(),
-                    {.stiffness_N_mm2 = 2e-3, .points_per_segment = 2}) {
-    const double length_mm = 2 * M_PI * 3 * s.turns - 1;
-    InstrumentPoses poses(s.instruments);
-    for (int k = 0; k < s.instruments; ++k) poses[k] = {length_mm - 3.7 * k, 0.3 * k};
-    stack.Combine(poses);
-    mechanics.points().UpdateRadii();
-    state = WireState::Along(model, CoilPath(3, 0.3, s.turns), poses);
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> turn(-0.01, 0.01);
-    Eigen::VectorXd x(unknowns());
-    for (double& component : x) component = turn(random);
-    state = Stepped(x);
-    Build();
-  }
-};
 
 TEST_CASE("The sweep of a wire that touches itself solves the dense Newton system") {
   const auto settings = GENERATE(Coil::Settings{}, Coil::Settings{.curvature = 0.1},
@@ -85,45 +28,6 @@ TEST_CASE("The sweep of a wire that touches itself solves the dense Newton syste
   CheckGradient(coil);
   CheckStep(coil, 10);
 }
-
-// Two wires beside each other; the second one turns back, and faces the first one head on.
-struct HeadOn : DenseCurves {
-  static constexpr double kApartMm = 0.34;
-  static std::vector<WireModel> Wires(double ratio) {
-    return {CoilWire(ratio, 0.02, {}, 1.3),
-            CoilWire(ratio, 0, {.point_mm = {0, 3, 0}, .direction = {1, 0, 0}}, 1.3)};
-  }
-  // Straight on, and back on a circle of the radius `bow_mm` to the first wire.
-  static std::vector<Vector3d> Way() {
-    constexpr double kBowMm = (3 - kApartMm) / 2;
-    std::vector<Vector3d> way;
-    for (double x = 0.1; x < 14; x += 0.1) way.emplace_back(x, 3, 0);
-    for (double a = 0.05; a < M_PI; a += 0.05) {
-      way.emplace_back(14 + kBowMm * std::sin(a), 3 - kBowMm + kBowMm * std::cos(a), 0);
-    }
-    for (double x = 14; x > 1; x -= 0.1) way.emplace_back(x, kApartMm, 0);
-    return way;
-  }
-
-  HeadOn(double ratio, unsigned seed)
-      : DenseCurves(Wires(ratio),
-                    {.is_beside = {false, true},
-                     .start_path_mm = {std::vector<Vector3d>(), Way()},
-                     .stiffness_N_mm2 = 2e-3},
-                    NoVessel(), {.stiffness_N_mm2 = 2e-3, .points_per_segment = 2}) {
-    const InstrumentPoses poses{{13.1, 0}, {26.4, 0.2}};
-    stack.Combine(poses);
-    state = WireState::Along(model, {}, poses);
-    LayCurves(stack, state);
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> turn(-0.01, 0.01);
-    Eigen::VectorXd x(unknowns());
-    for (double& component : x) component = turn(random);
-    for (int c = 0; c < 2; ++c) mechanics.points(c).UpdateRadii();
-    state = Stepped(x);
-    Build();
-  }
-};
 
 TEST_CASE("The sweep of wires that meet head on solves the dense Newton system") {
   const double ratio = GENERATE(0.0, 0.7);
@@ -167,6 +71,53 @@ TEST_CASE("With more contacts than rows, a step still gains what the sweep predi
       kWeight * step.dot(Eigen::VectorXd(coil.Unit().cwiseProduct(step)));
   CHECK(predicted_mJ > 0);
   CHECK(-coil.Gradient().dot(step) - bent_mJ / 2 > predicted_mJ * (1 - 1e-6));
+}
+
+// A wire that winds to and fro over a straight one crosses it three times, each time nearer to its
+// sheath.
+TEST_CASE("A wire that crosses another one again and again is paired with it each time") {
+  constexpr double kAbove = 0.35;
+  const double lean = GENERATE(-0.4, -0.2, 0.0);  // of the crossings along the straight wire
+  std::vector<Vector3d> way;
+  Vector3d at(22, -5, kAbove);
+  double heading = M_PI / 2 - lean;
+  const auto go = [&](int steps, double turn_rad) {
+    for (int k = 0; k < steps; ++k) {
+      heading += turn_rad;
+      way.push_back(at += 0.1 * Vector3d(std::cos(heading), std::sin(heading), 0));
+    }
+  };
+  const Vector3d start = at;
+  const Vector3d direction(std::cos(heading), std::sin(heading), 0);
+  go(100, 0);
+  go(60, (M_PI + 2 * lean) / 60);
+  go(100, 0);
+  go(60, -(M_PI - 2 * lean) / 60);
+  go(100, 0);
+  const std::vector<WireModel> wires = {CoilWire(0, 0, {start, direction}, 0.5),
+                                        CoilWire(0, 0, {}, 0.5)};
+  DenseCurves curves(wires, {.is_beside = {false, true}, .stiffness_N_mm2 = 2e-3}, NoVessel(),
+                     {.stiffness_N_mm2 = 2e-3, .points_per_segment = 2});
+  const InstrumentPoses poses{{41, 0}, {40, 0}};
+  curves.stack.Combine(poses);
+  curves.state = WireState::Along(curves.model, way, poses);
+  LayCurves(curves.stack, curves.state);
+  for (int c = 0; c < 2; ++c) curves.mechanics.points(c).UpdateRadii();
+  curves.state.curve(1) = [&] {
+    WireState straight = WireState::Along(curves.stack.rod(1), {}, {40, 0});
+    return Curve(straight);
+  }();
+  curves.Build();
+  std::vector<int> crossed;  // segments of the straight wire
+  for (const BetweenCurves& between : curves.at.between) {
+    for (const BetweenCurves::Spring& spring : between.springs) {
+      if (spring.penetration_mm < 0.02) continue;
+      const int segment = between.groups[static_cast<std::size_t>(spring.group)].outer;
+      if (crossed.empty() || std::abs(crossed.back() - segment) > 3) crossed.push_back(segment);
+    }
+  }
+  CAPTURE(lean, crossed);
+  CHECK(crossed.size() == 3);
 }
 
 // A wire that is fed into a ball, and winds up in it.

@@ -51,6 +51,8 @@ TEST_CASE("Friction between instruments is refused for a single instrument") {
                          "rigidity_N_mm2 = 0.01\n[effects.friction_between]\ncoefficient = 0.1\n";
   CHECK_THROWS_WITH(scene::Scene(path), Catch::Contains("effects.friction_between.coefficient") &&
                                             Catch::Contains("one instrument"));
+  std::ofstream(path, std::ios::app) << "[effects.self_contact]\n";
+  CHECK_NOTHROW(scene::Scene(path));
 }
 
 TEST_CASE("Each instrument of a scene starts, moves and is reported by its name") {

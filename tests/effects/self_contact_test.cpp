@@ -91,9 +91,10 @@ TEST_CASE("A wire that is fed into a sac lies around itself, and passes through 
 
 TEST_CASE("With contact with itself a scene repeats, restarts and is copied to the bit") {
   const TemporaryFolder folder;
-  const std::string torsion = GENERATE(as<std::string>(), "", "[effects.torsion]\n");
-  scene::Scene scene(
-      WriteSac(folder, kItself + torsion + "[effects.friction]\ncoefficient = 0.1\n"));
+  const std::string more = GENERATE(as<std::string>(), "", "[effects.torsion]\n",
+                                    "[effects.torsion]\n[effects.friction_between]\n"
+                                    "coefficient = 0.15\n");
+  scene::Scene scene(WriteSac(folder, kItself + more + "[effects.friction]\ncoefficient = 0.1\n"));
   simulator::Simulation simulation(scene);
   constexpr int kTicks = Rounds(170, 20);
   constexpr int kBefore = 3 * kTicks / 4;

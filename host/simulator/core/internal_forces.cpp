@@ -154,12 +154,14 @@ double TwistingMoment(const WireModel& model, const Curve& curve, int joint) {
 // Torque of lumen friction on the surfaces of a curve, summed by segment.
 void FindLumenTorques(const QuadraticModel& at, int curve, std::vector<double>& out) {
   for (const BetweenCurves& between : at.between) {
-    if (between.inner != curve && between.outer != curve) continue;
-    const bool inner = between.inner == curve;
     for (const BetweenCurves::Slide& slide : between.slides) {
       const SegmentPair& on = between.groups[static_cast<std::size_t>(slide.group)];
-      out[static_cast<std::size_t>(inner ? on.inner : on.outer)] -=
-          slide.load.gradient[1] * (inner ? slide.inner_spin_mm : slide.outer_spin_mm);
+      if (between.inner == curve) {
+        out[static_cast<std::size_t>(on.inner)] -= slide.inner_spin_mm.dot(slide.load.gradient);
+      }
+      if (between.outer == curve) {
+        out[static_cast<std::size_t>(on.outer)] -= slide.outer_spin_mm.dot(slide.load.gradient);
+      }
     }
   }
 }

@@ -38,13 +38,17 @@ struct BetweenLoad {
 };
 
 /// Derivatives with respect to the relative sliding of the two surfaces at a place of
-/// PointSet::Between::lumen or PointSet::Between::beside. The sliding along the lumen is ahead_mm;
-/// around it, around.offset_mm + lever_mm turn_rad.
+/// PointSet::Between. In a lumen the sliding along it is ahead_mm, and around it
+/// around.offset_mm + lever_mm turn_rad. Beside another curve, the end of `lever_mm` slides, which
+/// is fixed to the inner surface.
 struct SlideLoad {
   int place;
   Eigen::Vector2d around;    ///< unit, in the normals of the lumen
   Eigen::Vector2d gradient;  ///< N: along, around
   Eigen::Matrix2d hessian;   ///< N/mm, symmetric
+  /// Beside another curve: from the inner axis to the point of contact, in the tangent and the
+  /// normals of the outer surface.
+  Eigen::Vector3d lever_mm = Eigen::Vector3d::Zero();
 };
 
 /// Output of the energy terms on a curve. It has the derivatives with respect to positions of
@@ -67,6 +71,7 @@ struct PointDerivatives {
     between.clear();
     in_lumen.clear();
     beside.clear();
+    crossing.clear();
   }
   /// Allocates room for `size` positions.
   void Reserve(std::size_t size) {
@@ -96,6 +101,7 @@ struct PointDerivatives {
   std::vector<BetweenLoad> between;      ///< as above; room for one per segment and instrument
   std::vector<SlideLoad> in_lumen;       ///< ascending by place; room for one per place
   std::vector<SlideLoad> beside;         ///< as above
+  std::vector<SlideLoad> crossing;       ///< as above
 };
 
 }  // namespace torquer

@@ -21,6 +21,8 @@ namespace torquer {
 struct LumenContact {
   int inner = 0;           ///< instrument whose surface faces the lumen's wall
   int outer = 0;           ///< instrument whose lumen it is
+  int pair = 0;            ///< number of the pair of curves
+  int inner_from_tip = 0;  ///< piece of the inner curve, counted from its tip
   int outer_from_tip = 0;  ///< segment of the outer curve at the foot, counted from its tip
   double lever_mm = 0;     ///< radius of the inner one; minus that radius beside the outer one
   double lumen_mm = 0;     ///< radius of the lumen
@@ -31,6 +33,11 @@ struct LumenContact {
   /// lumen.
   Eigen::Vector2d offset_mm = Eigen::Vector2d::Zero();
   double turn_rad = 0;  ///< from the first normal of the lumen to that of the inner surface
+  /// Only beside another curve: arc length of the place, less that of the inner instrument's tip.
+  double inner_mm = 0;
+  /// Only beside another curve: tangent, first and second normal of the inner surface, in those of
+  /// the outer one.
+  Eigen::Matrix3d inner_axes = Eigen::Matrix3d::Identity();
 };
 
 /// Points of a curve at which wall and effects act: K per segment, at fractions 1/K .. 1 of it.
@@ -94,6 +101,9 @@ struct PointSet {
     /// Same for the places beside another curve of a higher number. A place that faces no segment
     /// has no force.
     std::vector<LumenContact> beside;
+    /// Same for places that cross the order of those, and for places of the curve beside itself.
+    /// They ascend by LumenContact::pair, and for each pair from the sheath.
+    std::vector<LumenContact> crossing;
     int per_segment = 2;
   };
   Between between;

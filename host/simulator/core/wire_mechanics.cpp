@@ -1,6 +1,7 @@
 #include "host/simulator/core/wire_mechanics.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace torquer {
@@ -43,6 +44,12 @@ QuadraticModel WireMechanics::MakeQuadraticModel() const {
     curve.points.between.beside.reserve(places);
     curve.derivatives.in_lumen.reserve(places);
     curve.derivatives.beside.reserve(places);
+    std::size_t crossing = 0;
+    for (const LumenPairs& pairs : pairs_->of_curves()) {
+      if (!pairs.ordered && pairs.inner == c) crossing += pairs.spots.capacity();
+    }
+    curve.points.between.crossing.reserve(crossing);
+    curve.derivatives.crossing.reserve(crossing);
   }
   for (const LumenPairs& pairs : pairs_->of_curves()) e.between.emplace_back().Reserve(pairs);
   return e;
@@ -92,42 +99,57 @@ void WireMechanics::BuildBetween(const WireState& state, QuadraticModel& out) co
   for (int c = 0; c < curves(); ++c) {
     out.curve(c).points.between.lumen.clear();
     out.curve(c).points.between.beside.clear();
+    out.curve(c).points.between.crossing.clear();
   }
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     const LumenPairs& pairs = pairs_->of_curves()[k];
     PointSet& points = out.curve(pairs.inner).points;
     out.between[k].Place(pairs, stack_->clearance().stiffness_N_mm2,
                          GeometryOf(pairs.inner, state, out), GeometryOf(pairs.outer, state, out),
-                         !slides || !pairs.ordered ? nullptr
-                         : pairs.beside            ? &points.between.beside
-                                                   : &points.between.lumen);
+                         !slides          ? nullptr
+                         : !pairs.ordered ? &points.between.crossing
+                         : pairs.beside   ? &points.between.beside
+                                          : &points.between.lumen);
     out.energy_mJ += out.between[k].energy_mJ;
   }
 }
 
 // The spin gradient is added to the segments; all other terms go to `between`.
 void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) const {
+  std::array<std::size_t, kMostInstruments> first_contact = {};  // of the next pair that crosses
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     BetweenCurves& between = out.between[k];
     const LumenPairs& pairs = pairs_->of_curves()[k];
-    if (!pairs.ordered) continue;
     CurveQuadraticModel& inner = out.curve(pairs.inner);
-    CurveQuadraticModel& outer = out.curve(pairs.outer);
+    std::size_t& first = first_contact[static_cast<std::size_t>(pairs.inner)];
+    const PointSet::Between& contacts = inner.points.between;
+    const PointDerivatives& loads = inner.derivatives;
     between.TakeSlides(pairs, GeometryOf(pairs.inner, state, out),
-                       GeometryOf(pairs.outer, state, out),
-                       pairs.beside ? inner.points.between.beside : inner.points.between.lumen,
-                       pairs.beside ? inner.derivatives.beside : inner.derivatives.in_lumen);
-    if (!model().stack_twists()) continue;
+                       GeometryOf(pairs.outer, state, out), contacts.lumen, first,
+                       !pairs.ordered ? loads.crossing
+                       : pairs.beside ? loads.beside
+                                      : loads.in_lumen);
+    if (!pairs.ordered) first += pairs.spots.size();
+    if (model().spins() == 0) continue;
     for (const BetweenCurves::Slide& slide : between.slides) {
       const SegmentPair& on = between.groups[static_cast<std::size_t>(slide.group)];
-      const double around_N = slide.load.gradient[1];
-      inner.stack[static_cast<std::size_t>(on.inner)]
-          .gradient_distal[slide.inner - model(pairs.inner).first_spin()] +=
-          slide.inner_spin_mm * around_N;
-      outer.stack[static_cast<std::size_t>(on.outer)]
-          .gradient_distal[slide.outer - model(pairs.outer).first_spin()] +=
-          slide.outer_spin_mm * around_N;
+      AddSpinGradient(pairs.inner, on.inner, slide.inner,
+                      slide.inner_spin_mm.dot(slide.load.gradient), out);
+      AddSpinGradient(pairs.outer, on.outer, slide.outer,
+                      slide.outer_spin_mm.dot(slide.load.gradient), out);
     }
+  }
+}
+
+// Adds to the gradient by the spin of an instrument on a segment.
+void WireMechanics::AddSpinGradient(int curve, int segment, int instrument, double gradient_mJ,
+                                    QuadraticModel& out) const {
+  const auto i = static_cast<std::size_t>(segment);
+  CurveQuadraticModel& at = out.curve(curve);
+  if (model(curve).twists()) {
+    at.twists[i].gradient_distal += gradient_mJ;
+  } else {
+    at.stack[i].gradient_distal[instrument - model(curve).first_spin()] += gradient_mJ;
   }
 }
 

@@ -102,6 +102,8 @@ class WireMechanics {
   void RelateCurves(const WireState& state, QuadraticModel& out) const;
   void AddTerms(const WireState& state, QuadraticModel& out) const;
   void AddSlideLoads(const WireState& state, QuadraticModel& out) const;
+  void AddSpinGradient(int curve, int segment, int instrument, double gradient_mJ,
+                       QuadraticModel& out) const;
   void SumTrueGradient(const WireState& state, QuadraticModel& out) const;
   static void SumTouches(const WireState& state, QuadraticModel& out);
   bool SlidesInLumen() const;

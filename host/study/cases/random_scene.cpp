@@ -159,9 +159,10 @@ class Draw {
       Add("stiffness_N_mm2 = {}\n\n", rigidity_ * Evenly(2, 20));
     }
     if (Chance(0.5)) Add("[effects.torsion]\n\n");
-    if (Chance(0.3)) Add("[effects.self_contact]\n\n");
+    const bool touches_itself = Chance(0.3);
+    if (touches_itself) Add("[effects.self_contact]\n\n");
     if (Chance(0.6)) Add("[effects.friction]\ncoefficient = {}\n\n", Between(0, 0.3));
-    if (instruments_.size() > 1 && Chance(0.5)) {
+    if ((touches_itself || instruments_.size() > 1) && Chance(0.5)) {
       Add("[effects.friction_between]\ncoefficient = {}\n\n", Between(0, 0.3));
     }
     if (Chance(0.3)) Add("[effects.gravity]\n\n");

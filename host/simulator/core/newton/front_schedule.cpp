@@ -12,7 +12,8 @@ namespace torquer {
 using Kind = FrontOperation::Kind;
 
 FrontSchedule::FrontSchedule(int curves, std::size_t segments,
-                             const std::vector<BetweenCurves>& between) {
+                             const std::vector<BetweenCurves>& between, int block_rows)
+    : block_rows_(block_rows) {
   std::size_t operations = segments * static_cast<std::size_t>(curves);
   of_groups_.resize(between.size());
   left_.resize(between.size());
@@ -65,7 +66,7 @@ void FrontSchedule::FindCommon(const WireState& state, const QuadraticModel& qua
   }
 }
 
-// Collects the groups of curves that cross. Only those with springs can act.
+// Collects the groups of curves that cross. Only those with springs or slides can act.
 void FrontSchedule::FindCrossings(const QuadraticModel& quadratic) {
   for (std::vector<Crossing>& of : crossings_) of.clear();
   for (std::size_t k = 0; k < quadratic.between.size(); ++k) {
@@ -74,6 +75,9 @@ void FrontSchedule::FindCrossings(const QuadraticModel& quadratic) {
     near_[k].assign(between.groups.size(), 0);
     for (const BetweenCurves::Spring& spring : between.springs) {
       near_[k][static_cast<std::size_t>(spring.group)] = 1;
+    }
+    for (const BetweenCurves::Slide& slide : between.slides) {
+      near_[k][static_cast<std::size_t>(slide.group)] = 1;
     }
     for (std::size_t g = 0; g < between.groups.size(); ++g) {
       if (near_[k][g] == 0) continue;
@@ -119,9 +123,24 @@ void FrontSchedule::CloseBlock(int curve, int segment) {
     const Block& block = blocks_[static_cast<std::size_t>(b)];
     if ((open_ >> b & 1) == 0 || block.curve != curve || block.segment != segment) continue;
     open_ &= ~(std::uint64_t{1} << b);
-    Add(Kind::kClose, curve).block = b;
+    FrontOperation& operation = Add(Kind::kClose, curve);
+    operation.block = b;
+    operation.surface = block.surface;
     return;
   }
+}
+
+// Instrument whose spin a contact couples with the spins and steps of a block's segment, or -1. A
+// block has the spin of one surface.
+int FrontSchedule::SurfaceOf(int block, const Crossing& crossing, const QuadraticModel& quadratic) {
+  const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(crossing.pair)];
+  const auto group = static_cast<std::size_t>(crossing.group);
+  if (between.spin_terms.empty() || !between.spin_terms[group].any) return -1;
+  const int surface =
+      between.spin_terms[group].surface[static_cast<std::size_t>(1 - crossing.side)];
+  int& of_block = blocks_[static_cast<std::size_t>(block)].surface;
+  if (of_block < 0) of_block = surface;
+  return surface == of_block ? surface : -1;
 }
 
 // Marks the other end of a contact whose ends act alone.
@@ -135,7 +154,7 @@ void FrontSchedule::Divide(const Crossing& crossing) {
 }
 
 // Adds the contacts that cross at a segment which its curve is about to advance over.
-void FrontSchedule::Cross(int curve, int segment) {
+void FrontSchedule::Cross(int curve, int segment, const QuadraticModel& quadratic) {
   const auto c = static_cast<std::size_t>(curve);
   CloseBlock(curve, segment);
   for (int& k = next_crossing_[c]; k > 0; --k) {
@@ -148,6 +167,7 @@ void FrontSchedule::Cross(int curve, int segment) {
     operation.pair = crossing.pair;
     operation.index = crossing.group;
     operation.block = block;
+    if (block >= 0) operation.surface = SurfaceOf(block, crossing, quadratic);
     int& of_group = of_groups_[static_cast<std::size_t>(crossing.pair)]
                               [static_cast<std::size_t>(crossing.group)];
     of_group = std::min(of_group, static_cast<int>(operations_.size()) - 1);
@@ -155,17 +175,17 @@ void FrontSchedule::Cross(int curve, int segment) {
   }
 }
 
-void FrontSchedule::AdvanceTo(int curve, int cut) {
+void FrontSchedule::AdvanceTo(int curve, int cut, const QuadraticModel& quadratic) {
   const auto c = static_cast<std::size_t>(curve);
   while (cuts_[c] > cut) {
     const int segment = cuts_[c] - 1;
-    if (!crossings_[c].empty()) Cross(curve, segment);
+    if (!crossings_[c].empty()) Cross(curve, segment, quadratic);
     of_segments_[c][static_cast<std::size_t>(segment)] = static_cast<int>(operations_.size());
     FrontOperation& operation = Add(Kind::kAdvance, curve);
     operation.index = segment;
     operation.gains_at = gains_;
     if (open_ != 0) {
-      gains_ += static_cast<std::size_t>(5 * controls_[c] * std::popcount(open_));
+      gains_ += static_cast<std::size_t>(block_rows_ * controls_[c] * std::popcount(open_));
     }
     --cuts_[c];
   }
@@ -189,14 +209,14 @@ void FrontSchedule::Make(const WireState& state, const QuadraticModel& quadratic
     const SegmentPair& pair = between[k].groups[group];
     assert(cuts_[static_cast<std::size_t>(between[k].inner)] > pair.inner &&
            cuts_[static_cast<std::size_t>(between[k].outer)] > pair.outer);
-    AdvanceTo(between[k].inner, pair.inner + 1);
-    AdvanceTo(between[k].outer, pair.outer + 1);
+    AdvanceTo(between[k].inner, pair.inner + 1, quadratic);
+    AdvanceTo(between[k].outer, pair.outer + 1, quadratic);
     of_groups_[k][group] = static_cast<int>(operations_.size());
     FrontOperation& operation = Add(Kind::kTouch, -1);
     operation.pair = static_cast<int>(k);
     operation.index = left_[k];
   }
-  for (int c = 0; c < state.curves(); ++c) AdvanceTo(c, 0);
+  for (int c = 0; c < state.curves(); ++c) AdvanceTo(c, 0, quadratic);
   assert(open_ == 0);
   // Groups of curves that cross come in any order.
   for (std::size_t k = 0; k < between.size(); ++k) {

@@ -38,6 +38,7 @@ struct FrontOperation {
   int pair = -1;
   int index = -1;
   int block = -1;
+  int surface = -1;          ///< instrument whose spin the block has; -1 without
   std::uint64_t open = 0;    ///< bit by block: those that are open, without `block`
   std::size_t gains_at = 0;  ///< during kAdvance: first of the gains of the open rows
 };
@@ -46,7 +47,9 @@ struct FrontOperation {
 class FrontSchedule {
  public:
   /// Room for `curves` curves of up to `segments` segments, with the pairs of `between`.
-  FrontSchedule(int curves, std::size_t segments, const std::vector<BetweenCurves>& between);
+  /// `block_rows`: of each block.
+  FrontSchedule(int curves, std::size_t segments, const std::vector<BetweenCurves>& between,
+                int block_rows);
 
   /// Orders the operations. `controls`: unknowns of a segment of each curve.
   void Make(const WireState& state, const QuadraticModel& quadratic,
@@ -87,10 +90,11 @@ class FrontSchedule {
 
   void FindCommon(const WireState& state, const QuadraticModel& quadratic);
   void FindCrossings(const QuadraticModel& quadratic);
-  void AdvanceTo(int curve, int cut);
-  void Cross(int curve, int segment);
+  void AdvanceTo(int curve, int cut, const QuadraticModel& quadratic);
+  void Cross(int curve, int segment, const QuadraticModel& quadratic);
   void CloseBlock(int curve, int segment);
   int BlockOf(int curve, int segment);
+  int SurfaceOf(int block, const Crossing& crossing, const QuadraticModel& quadratic);
   void Divide(const Crossing& crossing);
   bool IsPassed(int curve, int segment) const {
     return cuts_[static_cast<std::size_t>(curve)] <= segment;
@@ -101,6 +105,7 @@ class FrontSchedule {
   struct Block {
     int curve = -1;
     int segment = -1;
+    int surface = -1;  // as in FrontOperation
   };
 
   std::vector<FrontOperation> operations_;
@@ -110,6 +115,7 @@ class FrontSchedule {
   std::array<Block, kMostOpenBlocks> blocks_ = {};
   std::uint64_t open_ = 0;
   std::size_t gains_ = 0;
+  const int block_rows_;
   std::vector<std::vector<int>> of_segments_;     // by curve
   std::vector<std::vector<int>> of_groups_;       // by pair of curves
   std::vector<int> left_;                         // by pair: groups that are not ordered yet

@@ -19,14 +19,20 @@ bool AnyCross(const std::vector<BetweenCurves>& between) {
                      [](const BetweenCurves& pair) { return !pair.ordered; });
 }
 
+bool AnyTwist(const std::vector<const WireModel*>& rods) {
+  return std::any_of(rods.begin(), rods.end(),
+                     [](const WireModel* rod) { return rod->spins() > 0; });
+}
+
 }  // namespace
 
 FrontSweep::FrontSweep(std::vector<const WireModel*> rods,
                        const std::vector<BetweenCurves>& between)
     : rods_(std::move(rods)),
+      open_(AnyCross(between), AnyTwist(rods_)),
       schedule_(static_cast<int>(rods_.size()),
-                static_cast<std::size_t>(rods_.front()->max_segments()) + 1, between),
-      open_(AnyCross(between)) {
+                static_cast<std::size_t>(rods_.front()->max_segments()) + 1, between,
+                open_.block_rows()) {
   const auto n = static_cast<std::size_t>(rods_.front()->max_segments()) + 1;
   const std::size_t curves = rods_.size();
   spin_rows_.fill(-1);
@@ -47,7 +53,7 @@ FrontSweep::FrontSweep(std::vector<const WireModel*> rods,
   if (AnyCross(between)) {
     open_gains_.reserve(
         n * curves *
-        static_cast<std::size_t>(most_controls * OpenRows::kBlockRows * kMostOpenBlocks));
+        static_cast<std::size_t>(most_controls * open_.block_rows() * kMostOpenBlocks));
   }
   checkpoints_.reserve(schedule_.operations().capacity() / kSpacing + 1);
 }
@@ -139,11 +145,10 @@ template <int kRows>
 void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quadratic,
                      Front<kRows>& front) {
   using Kind = FrontOperation::Kind;
-  const int slot = operation.curve;
-  const int at = slot < 0 ? 0 : slot_at_[static_cast<std::size_t>(slot)];
   if (operation.kind == Kind::kOpen) return open_.Open(operation.block, operation.open);
   if (operation.kind == Kind::kClose) {
-    return open_.Close(operation.block, operation.open, slot, at, front);
+    return open_.Close(operation.block, operation.open, RowsOf(operation.curve, operation.surface),
+                       front);
   }
   const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(operation.pair)];
   const auto group = static_cast<std::size_t>(operation.index);
@@ -159,11 +164,25 @@ void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quad
     return;
   }
   if (!terms.any) return;
+  const BetweenCurves::SpinTerms* spins =
+      between.spin_terms.empty() || !between.spin_terms[group].any ? nullptr
+                                                                   : &between.spin_terms[group];
+  const CrossingTerms crossing{terms, spins};
+  const int surface =
+      spins == nullptr ? -1 : spins->surface[static_cast<std::size_t>(operation.side)];
+  const SideRows own = RowsOf(operation.curve, surface);
   if (operation.kind == Kind::kWait) {
-    open_.Wait(terms, operation.side, operation.block, slot, at, front);
+    open_.Wait(crossing, operation.side, operation.block, operation.surface >= 0, own, front);
   } else {
-    AddEnd(terms, operation.side, slot, at, front);
+    AddEnd(crossing, operation.side, own, front);
   }
+}
+
+// Rows of a curve's slot, with those of the spin of an instrument, or -1 without.
+SideRows FrontSweep::RowsOf(int curve, int surface) const {
+  return {.curve = curve,
+          .at = slot_at_[static_cast<std::size_t>(curve)],
+          .spin = surface < 0 ? -1 : spin_rows_[static_cast<std::size_t>(surface)]};
 }
 
 // `kSpins`: of each curve.
@@ -301,16 +320,15 @@ struct OpenArguments {
   const double* rows = nullptr;   // of all blocks
   const double* gains = nullptr;  // control by control, and block by block
   std::uint64_t open = 0;
+  int block_rows = 0;
 
   double Sum(int control) const {
     double sum = 0;
     const double* gain =
-        gains + static_cast<std::ptrdiff_t>(control) * OpenRows::kBlockRows * std::popcount(open);
+        gains + static_cast<std::ptrdiff_t>(control) * block_rows * std::popcount(open);
     for (int b = 0; open >> b != 0; ++b) {
       if ((open >> b & 1) == 0) continue;
-      for (int r = 0; r < OpenRows::kBlockRows; ++r) {
-        sum += *gain++ * rows[OpenRows::kBlockRows * b + r];
-      }
+      for (int r = 0; r < block_rows; ++r) sum += *gain++ * rows[block_rows * b + r];
     }
     return sum;
   }
@@ -372,15 +390,18 @@ double FrontSweep::Step(const WireState& state, const QuadraticModel& quadratic,
   };
   for (int c = 0; c < state.curves(); ++c) moved(c).Begin();
   // The order is opposite to that of the sweep.
-  double rows[OpenRows::kBlockRows * kMostOpenBlocks] = {};
+  const int block_rows = open_.block_rows();
+  double rows[OpenRows::kMostBlockRows * kMostOpenBlocks] = {};
   const std::vector<FrontOperation>& operations = schedule_.operations();
   for (auto operation = operations.rbegin(); operation != operations.rend(); ++operation) {
     if (operation->kind == FrontOperation::Kind::kAdvance) {
-      const OpenArguments open{rows, open_gains_.data() + operation->gains_at, operation->open};
+      const OpenArguments open{rows, open_gains_.data() + operation->gains_at, operation->open,
+                               block_rows};
       moved(operation->curve).Advance(operation->index, slots, rows_, open);
     } else if (operation->kind == FrontOperation::Kind::kClose) {
-      const double* const slot = slots + slot_at_[static_cast<std::size_t>(operation->curve)];
-      std::copy_n(slot, OpenRows::kBlockRows, rows + OpenRows::kBlockRows * operation->block);
+      const SideRows own = RowsOf(operation->curve, operation->surface);
+      double* const to = rows + block_rows * operation->block;
+      for (int r = 0; r < own.count(); ++r) to[r] = slots[own[r]];
     }
   }
   for (int c = 0; c < state.curves(); ++c) {

@@ -63,6 +63,7 @@ class FrontSweep {
   bool SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond);
   template <int kSlot, int kAt, int kSpins, int kRows>
   bool Advance(const FrontOperation& operation, Front<kRows>& front);
+  SideRows RowsOf(int curve, int surface) const;
   template <int kRows>
   void Add(const FrontOperation& operation, const QuadraticModel& quadratic, Front<kRows>& front);
 
@@ -73,8 +74,8 @@ class FrontSweep {
   std::array<int, kMostInstruments> controls_ = {};   ///< of each curve
   std::array<int, kMostInstruments> spin_rows_ = {};  ///< row of each instrument's spin, -1 without
   std::array<Inputs, kMostInstruments> inputs_;
-  FrontSchedule schedule_;
   OpenRows open_;
+  FrontSchedule schedule_;
   std::vector<StackTerms> twists_;             ///< by segment, of a lone wire that twists
   std::vector<std::vector<FrontGain>> gains_;  ///< by curve and segment
   std::vector<double> open_gains_;             ///< of the open rows

@@ -201,7 +201,7 @@ void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
 
 template <class Sweep>
 void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
-  if (kFront && model_.spins() > 0) FindPressed(state);
+  if (kFront && model_.spins() > 0 && stack().size() > 1) FindPressed(state);
   for (EnergyTerm* term : terms_) {
     for (int c = 0; c < state.curves(); ++c) term->Begin(memory_.current.curve(c).points);
   }

@@ -5,24 +5,25 @@
 
 namespace torquer {
 
-OpenRows::OpenRows(bool any) {
+OpenRows::OpenRows(bool any, bool twist)
+    : block_rows_(twist ? kMostBlockRows : CrossingTerms::kSteps) {
   if (!any) return;
-  constexpr std::size_t kRows = kBlockRows * kMostOpenBlocks;
-  x_.resize(kRows * kMostFrontRows);
-  r_.resize(kRows * (kRows + 1) / 2);
-  gradient_.resize(kRows);
+  const auto rows = static_cast<std::size_t>(block_rows_ * kMostOpenBlocks);
+  x_.resize(rows * kMostFrontRows);
+  r_.resize(rows * (rows + 1) / 2);
+  gradient_.resize(rows);
   force_N_.resize(kMostOpenBlocks);
   control_.resize(1);
 }
 
 void OpenRows::Open(int block, std::uint64_t open) {
-  const int first = kBlockRows * block;
+  const int first = block_rows_ * block;
   force_N_[static_cast<std::size_t>(block)].setZero();
-  for (int row = first; row < first + kBlockRows; ++row) {
+  for (int row = first; row < first + block_rows_; ++row) {
     gradient_[static_cast<std::size_t>(row)] = 0;
     std::fill_n(X(row), kMostFrontRows, 0.0);
     ForEach(open, [&](int other) {
-      for (int m = kBlockRows * other; m < kBlockRows * (other + 1); ++m) Coupling(row, m) = 0;
+      for (int m = block_rows_ * other; m < block_rows_ * (other + 1); ++m) Coupling(row, m) = 0;
     });
     for (int m = first; m <= row; ++m) R(row, m) = 0;
   }
@@ -33,10 +34,10 @@ void OpenRows::Substitute(const FrontSegment& segment, int spins, int at, std::u
   const int roll = at + 5;
   const double* const frame = segment.frame.data();  // by rows
   const bool follows = spins == 0 && segment.turn != nullptr;
-  double(&f)[kMostControls][kBlockRows * kMostOpenBlocks] = control_.front().f;
+  double(&f)[kMostControls][kMostBlockRows * kMostOpenBlocks] = control_.front().f;
   int k = 0;
   ForEach(open, [&](int block) {
-    for (int row = kBlockRows * block; row < kBlockRows * (block + 1); ++row, ++k) {
+    for (int row = block_rows_ * block; row < block_rows_ * (block + 1); ++row, ++k) {
       double* const x = X(row);
       for (int a = 0; a < 2; ++a) {
         double sum = x[eta + a];
@@ -53,8 +54,8 @@ void OpenRows::Substitute(const FrontSegment& segment, int spins, int at, std::u
 
 void OpenRows::Eliminate(const FrontGain& gain, const PivotInverse& inverse, int controls, int rows,
                          std::uint64_t open, double* gains) {
-  const double(&f)[kMostControls][kBlockRows * kMostOpenBlocks] = control_.front().f;
-  const int count = kBlockRows * std::popcount(open);
+  const double(&f)[kMostControls][kMostBlockRows * kMostOpenBlocks] = control_.front().f;
+  const int count = block_rows_ * std::popcount(open);
   for (int c = 0; c < controls; ++c) {
     double* const of = gains + static_cast<std::ptrdiff_t>(c) * count;
     for (int k = 0; k < count; ++k) {
@@ -65,7 +66,7 @@ void OpenRows::Eliminate(const FrontGain& gain, const PivotInverse& inverse, int
   }
   int k = 0;
   ForEach(open, [&](int block) {
-    for (int row = kBlockRows * block; row < kBlockRows * (block + 1); ++row, ++k) {
+    for (int row = block_rows_ * block; row < block_rows_ * (block + 1); ++row, ++k) {
       double* const x = X(row);
       double& gradient = gradient_[static_cast<std::size_t>(row)];
       for (int c = 0; c < controls; ++c) {
@@ -76,28 +77,43 @@ void OpenRows::Eliminate(const FrontGain& gain, const PivotInverse& inverse, int
       int column_at = 0;
       ForEach(open, [&](int other) {
         if (other > block) return;
-        const int end = std::min(row, kBlockRows * other + kBlockRows - 1);
-        for (int column = kBlockRows * other; column <= end; ++column) {
+        const int end = std::min(row, block_rows_ * other + block_rows_ - 1);
+        for (int column = block_rows_ * other; column <= end; ++column) {
           double sum = 0;
           for (int c = 0; c < controls; ++c) {
-            sum += f[c][k] * gains[c * count + column_at + column - kBlockRows * other];
+            sum += f[c][k] * gains[c * count + column_at + column - block_rows_ * other];
           }
           R(row, column) -= sum;
         }
-        column_at += kBlockRows;
+        column_at += block_rows_;
       });
     }
   });
 }
 
-Eigen::Matrix<double, 5, 5> BoundOfCoupling(const BetweenCurves::Matrix& hessian, int side) {
-  const Eigen::Matrix<double, 5, 5> coupling =
-      side == 0 ? Eigen::Matrix<double, 5, 5>(hessian.topRightCorner<5, 5>())
-                : Eigen::Matrix<double, 5, 5>(hessian.bottomLeftCorner<5, 5>());
-  const Eigen::Matrix<double, 5, 5> squared = coupling * coupling.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> solver(squared);
-  return solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
-         solver.eigenvectors().transpose();
+namespace {
+
+template <int kSize>
+BoundMatrix Bound(const CrossingTerms& terms, int side) {
+  using Block = Eigen::Matrix<double, kSize, kSize>;
+  Block coupling;
+  for (int a = 0; a < kSize; ++a) {
+    for (int b = 0; b < kSize; ++b) coupling(a, b) = terms.Hessian(side, a, 1 - side, b);
+  }
+  const Block squared = coupling * coupling.transpose();
+  const Eigen::SelfAdjointEigenSolver<Block> solver(squared);
+  BoundMatrix bound = BoundMatrix::Zero();
+  bound.topLeftCorner<kSize, kSize>() = solver.eigenvectors() *
+                                        solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
+                                        solver.eigenvectors().transpose();
+  return bound;
+}
+
+}  // namespace
+
+BoundMatrix BoundOfCoupling(const CrossingTerms& terms, int side) {
+  return terms.spins == nullptr ? Bound<CrossingTerms::kSteps>(terms, side)
+                                : Bound<CrossingTerms::kSteps + 1>(terms, side);
 }
 
 }  // namespace torquer

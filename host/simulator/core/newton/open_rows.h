@@ -1,8 +1,9 @@
 // Open rows of a front: segments that it has not reached yet, in contact with segments that it has
 // passed (README, section 6).
 //
-// A block of five rows w stands for (dx, eta) of such a segment, at the cut behind it. The minimum
-// cost beyond the cuts is then a function of the slots z and of the rows w,
+// A block of five rows w stands for (dx, eta) of such a segment, at the cut behind it. Where
+// instruments twist, a sixth row stands for the spin of its surface. The minimum cost beyond the
+// cuts is then a function of the slots z and of the rows w,
 //   V(z, w) = z'P z/2 + g'z  +  w'X z  +  w'R w/2 + r'w.
 // When the front reaches the segment, its slot takes the place of the block.
 #pragma once
@@ -17,28 +18,61 @@
 
 namespace torquer {
 
+/// Terms of a contact of curves that cross, by the rows of each side: dx, eta and, if it slides
+/// between surfaces that twist, the spin of the surface.
+struct CrossingTerms {
+  static constexpr int kSteps = 5;
+  static constexpr int kSpin = 5;  ///< number of the row of the spin
+
+  const BetweenCurves::Terms& terms;
+  const BetweenCurves::SpinTerms* spins = nullptr;  ///< null without
+
+  double Gradient(int side, int row) const {
+    return row == kSpin ? 0 : terms.gradient[kSteps * side + row];
+  }
+  double Hessian(int side, int row, int other_side, int column) const {
+    if (row == kSpin && column == kSpin) return spins->hessian(side, other_side);
+    if (row == kSpin) return spins->with_steps(side, kSteps * other_side + column);
+    if (column == kSpin) return spins->with_steps(other_side, kSteps * side + row);
+    return terms.hessian(kSteps * side + row, kSteps * other_side + column);
+  }
+};
+
+/// Rows of a side of a contact in the front.
+struct SideRows {
+  int curve = 0;
+  int at = 0;     ///< first row of the curve's slot
+  int spin = -1;  ///< row of the surface's spin; -1 without
+
+  int count() const { return spin < 0 ? CrossingTerms::kSteps : CrossingTerms::kSteps + 1; }
+  int operator[](int row) const { return row == CrossingTerms::kSpin ? spin : at + row; }
+};
+
 /// Parts of the front's function that contain open rows. No heap after construction.
 class OpenRows {
  public:
-  static constexpr int kBlockRows = 5;
+  static constexpr int kMostBlockRows = 6;
 
-  /// `any`: false for curves that never cross, which need no memory.
-  explicit OpenRows(bool any);
+  /// `any`: false for curves that never cross; they need no memory. `twist`: some instruments
+  /// have spins.
+  OpenRows(bool any, bool twist);
 
+  /// Rows of a block: of steps, and of a spin if instruments twist.
+  int block_rows() const { return block_rows_; }
   /// Begins a block, with rows that have no effect yet.
   void Open(int block, std::uint64_t open);
-  /// Adds a contact. `side` of the contact is the slot at row `at`, of curve `curve`; `block` is
-  /// the other side.
+  /// Adds a contact. `side` of it is the slot with the rows `own`; `block` is the other, with its
+  /// spin if `with_spin`.
   template <int kRows>
-  void Wait(const BetweenCurves::Terms& terms, int side, int block, int curve, int at,
+  void Wait(const CrossingTerms& terms, int side, int block, bool with_spin, const SideRows& own,
             Front<kRows>& front);
-  /// Puts the slot of `curve`, at row `at`, in the place of a block. `open`: the blocks that stay.
+  /// Puts the slot with the rows `own` in the place of a block. `open`: the blocks that stay.
   template <int kRows>
-  void Close(int block, std::uint64_t open, int curve, int at, Front<kRows>& front);
+  void Close(int block, std::uint64_t open, const SideRows& own, Front<kRows>& front);
 
   /// Couplings of a segment's control with the open rows, before the segment is eliminated.
   struct Control {
-    double f[kMostControls][kBlockRows * kMostOpenBlocks];
+    double f[kMostControls][kMostBlockRows * kMostOpenBlocks];
   };
   /// Finds the couplings of a segment, and moves its slot, whose first row is `at`, to the cut
   /// before it.
@@ -64,6 +98,7 @@ class OpenRows {
     }
   }
 
+  const int block_rows_;
   std::vector<double> x_;
   std::vector<double> r_;
   std::vector<double> gradient_;
@@ -71,69 +106,75 @@ class OpenRows {
   std::vector<Control> control_;          // one, or none
 };
 
-/// Adds one side of a contact to the slot at row `at` of its curve, and leaves the other side to
-/// another call. Both sides together are at least the contact's Hessian H: its coupling C of the
-/// sides is replaced by (C C')^1/2 and (C'C)^1/2.
+/// Adds one side of a contact to the slot with the rows `own`, and leaves the other side to another
+/// call. Both sides together are at least the contact's Hessian H: its coupling C of the sides is
+/// replaced by (C C')^1/2 and (C'C)^1/2.
 template <int kRows>
-void AddEnd(const BetweenCurves::Terms& terms, int side, int curve, int at, Front<kRows>& front);
+void AddEnd(const CrossingTerms& terms, int side, const SideRows& own, Front<kRows>& front);
 
+using BoundMatrix = Eigen::Matrix<double, OpenRows::kMostBlockRows, OpenRows::kMostBlockRows>;
 /// (C C')^1/2 of the side: the bound of its coupling.
-Eigen::Matrix<double, 5, 5> BoundOfCoupling(const BetweenCurves::Matrix& hessian, int side);
+BoundMatrix BoundOfCoupling(const CrossingTerms& terms, int side);
 
 template <int kRows>
-void AddEnd(const BetweenCurves::Terms& terms, int side, int curve, int at, Front<kRows>& front) {
-  const Eigen::Matrix<double, 5, 5> bound = BoundOfCoupling(terms.hessian, side);
-  for (int a = 0; a < 5; ++a) {
-    front.g[at + a] += terms.gradient[5 * side + a];
-    for (int b = 0; b < 5; ++b) {
-      front.p[at + a][at + b] += terms.hessian(5 * side + a, 5 * side + b) + bound(a, b);
+void AddEnd(const CrossingTerms& terms, int side, const SideRows& own, Front<kRows>& front) {
+  const BoundMatrix bound = BoundOfCoupling(terms, side);
+  for (int a = 0; a < own.count(); ++a) {
+    front.g[own[a]] += terms.Gradient(side, a);
+    for (int b = 0; b < own.count(); ++b) {
+      front.p[own[a]][own[b]] += terms.Hessian(side, a, side, b) + bound(a, b);
     }
-  }
-  for (int d = 0; d < 3; ++d) front.force_N[curve][d] += terms.force[5 * side + d];
-}
-
-template <int kRows>
-void OpenRows::Wait(const BetweenCurves::Terms& terms, int side, int block, int curve, int at,
-                    Front<kRows>& front) {
-  const int own = 5 * side;
-  const int other = 5 - own;
-  const int first = kBlockRows * block;
-  for (int a = 0; a < kBlockRows; ++a) {
-    front.g[at + a] += terms.gradient[own + a];
-    gradient_[static_cast<std::size_t>(first + a)] += terms.gradient[other + a];
-    for (int b = 0; b < kBlockRows; ++b) {
-      front.p[at + a][at + b] += terms.hessian(own + a, own + b);
-      X(first + a)[at + b] += terms.hessian(other + a, own + b);
-    }
-    for (int b = 0; b <= a; ++b) R(first + a, first + b) += terms.hessian(other + a, other + b);
   }
   for (int d = 0; d < 3; ++d) {
-    front.force_N[curve][d] += terms.force[own + d];
-    force_N_[static_cast<std::size_t>(block)][d] += terms.force[other + d];
+    front.force_N[own.curve][d] += terms.terms.force[CrossingTerms::kSteps * side + d];
   }
 }
 
 template <int kRows>
-void OpenRows::Close(int block, std::uint64_t open, int curve, int at, Front<kRows>& front) {
-  const int first = kBlockRows * block;
-  for (int a = 0; a < kBlockRows; ++a) {
+void OpenRows::Wait(const CrossingTerms& terms, int side, int block, bool with_spin,
+                    const SideRows& own, Front<kRows>& front) {
+  const int other = 1 - side;
+  const int first = block_rows_ * block;
+  const int rows = with_spin ? CrossingTerms::kSteps + 1 : CrossingTerms::kSteps;
+  for (int a = 0; a < own.count(); ++a) {
+    front.g[own[a]] += terms.Gradient(side, a);
+    for (int b = 0; b < own.count(); ++b) {
+      front.p[own[a]][own[b]] += terms.Hessian(side, a, side, b);
+    }
+    for (int b = 0; b < rows; ++b) X(first + b)[own[a]] += terms.Hessian(other, b, side, a);
+  }
+  for (int a = 0; a < rows; ++a) {
+    gradient_[static_cast<std::size_t>(first + a)] += terms.Gradient(other, a);
+    for (int b = 0; b <= a; ++b) R(first + a, first + b) += terms.Hessian(other, a, other, b);
+  }
+  for (int d = 0; d < 3; ++d) {
+    front.force_N[own.curve][d] += terms.terms.force[CrossingTerms::kSteps * side + d];
+    force_N_[static_cast<std::size_t>(block)][d] +=
+        terms.terms.force[CrossingTerms::kSteps * other + d];
+  }
+}
+
+template <int kRows>
+void OpenRows::Close(int block, std::uint64_t open, const SideRows& own, Front<kRows>& front) {
+  const int first = block_rows_ * block;
+  for (int a = 0; a < own.count(); ++a) {
     const double* const x = X(first + a);
     for (int m = 0; m < kRows; ++m) {
-      front.p[at + a][m] += x[m];
-      front.p[m][at + a] += x[m];
+      front.p[own[a]][m] += x[m];
+      front.p[m][own[a]] += x[m];
     }
-    for (int b = 0; b < kBlockRows; ++b) {
-      front.p[at + a][at + b] += Coupling(first + a, first + b);
+    for (int b = 0; b < own.count(); ++b) {
+      front.p[own[a]][own[b]] += Coupling(first + a, first + b);
     }
-    front.g[at + a] += gradient_[static_cast<std::size_t>(first + a)];
+    front.g[own[a]] += gradient_[static_cast<std::size_t>(first + a)];
     ForEach(open, [&](int other) {
-      for (int row = kBlockRows * other; row < kBlockRows * (other + 1); ++row) {
-        X(row)[at + a] += Coupling(row, first + a);
+      for (int row = block_rows_ * other; row < block_rows_ * (other + 1); ++row) {
+        X(row)[own[a]] += Coupling(row, first + a);
       }
     });
   }
   for (int d = 0; d < 3; ++d) {
-    front.force_N[curve][d] += force_N_[static_cast<std::size_t>(block)][d];
+    front.force_N[own.curve][d] += force_N_[static_cast<std::size_t>(block)][d];
   }
 }
 

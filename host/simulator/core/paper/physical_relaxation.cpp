@@ -53,6 +53,27 @@ Vector3d PhysicalRelaxation::WallGradient(int first_node, const WireState& state
   return sum;
 }
 
+namespace {
+
+// Step of a segment by the size of the force across it, and the force along it.
+double StepBy(UpdateRule rule, double size, double along, double rho) {
+  switch (rule) {
+    case UpdateRule::kSigned:
+      return size / (rho - along);
+    case UpdateRule::kRhoOnly:
+      return size / rho;
+    case UpdateRule::kAbsolute:
+      return size / std::abs(rho - along);
+    case UpdateRule::kExactRoot:
+      break;
+  }
+  // With a = 2 lambda sin(phi/2) the equation reads tan phi = |B_perp| / (rho - B_par). The root in
+  // (0, pi) is the minimum. The step is the chord of that turn.
+  return 2 * std::sin(std::atan2(size, rho - along) / 2);
+}
+
+}  // namespace
+
 double PhysicalRelaxation::Update(int segment, WireState& state) {
   const int n = state.segments();
   const double length = state.SegmentLength(model_, segment);
@@ -85,23 +106,7 @@ double PhysicalRelaxation::Update(int segment, WireState& state) {
   ++cycle_updates_;
   if (size == 0) return 0;
 
-  double step = 0;
-  switch (settings_.rule) {
-    case UpdateRule::kSigned:
-      step = size / (rho - along);
-      break;
-    case UpdateRule::kRhoOnly:
-      step = size / rho;
-      break;
-    case UpdateRule::kAbsolute:
-      step = size / std::abs(rho - along);
-      break;
-    case UpdateRule::kExactRoot:
-      // With a = 2 lambda sin(phi/2) the equation reads tan phi = |B_perp| / (rho - B_par). The
-      // root in (0, pi) is the minimum. The step is the chord of that turn.
-      step = 2 * std::sin(std::atan2(size, rho - along) / 2);
-      break;
-  }
+  double step = StepBy(settings_.rule, size, along, rho);
   // (18). A chord longer than two radii is geometrically impossible even without that bound.
   const double bound =
       std::min(2.0, settings_.max_update / std::sqrt(static_cast<double>(n - segment)));

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "host/simulator/core/stack/pair_builder.h"
+#include "host/simulator/core/stack/turning.h"
 
 namespace torquer {
 
@@ -26,68 +27,6 @@ using Geometry = BetweenCurves::Geometry;
 // First unknowns of each curve in a Vector.
 constexpr Eigen::Index kInner = 0;
 constexpr Eigen::Index kOuter = 5;
-
-// Place on the inner curve with its foot on the line of the outer segment, both as chords. The
-// bulges do not affect the sliding of surfaces.
-struct Beside {
-  Beside(const LumenPlace& of, const Geometry& inner_curve, const Geometry& outer_curve)
-      : place(of),
-        i(static_cast<std::size_t>(of.segment)),
-        m(static_cast<std::size_t>(of.outer_segment)),
-        inner(inner_curve),
-        outer(outer_curve),
-        inward(inner.curve.tangents()[i]),
-        along(outer.curve.tangents()[m]),
-        apart(inner.curve.nodes()[i] + of.past_mm * inward - outer.curve.nodes()[m]),
-        foot_mm(along.dot(apart)),
-        across(apart - foot_mm * along),
-        past_end_mm(of.past_mm - inner.curve.SegmentLength(inner.rod, of.segment)),
-        foot_past_end_mm(foot_mm - outer.curve.SegmentLength(outer.rod, of.outer_segment)) {}
-
-  // Derivative by the steps of the position along `way` of the place against its foot.
-  Vector Follow(const Vector3d& way) const { return Follow(way, foot_past_end_mm); }
-  // The same against the distal node of the outer segment.
-  Vector FollowNode(const Vector3d& way) const { return Follow(way, 0); }
-  // Adds the component along `way` of the turn of a curve's tangent.
-  void TurnInner(const Vector3d& way, Vector& row) const {
-    row.segment<2>(kInner + 3) += inner.frames[i].transpose() * way;
-  }
-  void TurnOuter(const Vector3d& way, Vector& row) const {
-    row.segment<2>(kOuter + 3) += outer.frames[m].transpose() * way;
-  }
-
-  const LumenPlace& place;
-  std::size_t i;  // segment of the inner curve
-  std::size_t m;  // segment of the outer curve
-  const Geometry& inner;
-  const Geometry& outer;
-  const Vector3d& inward;  // tangent of the inner curve
-  const Vector3d& along;   // tangent of the outer curve
-  Vector3d apart;          // from the proximal node of the outer segment
-  double foot_mm;
-  Vector3d across;
-  double past_end_mm;       // negative: before the distal node of the inner segment
-  double foot_past_end_mm;  // same, of the foot on the outer segment
-
- private:
-  Vector Follow(const Vector3d& way, double outer_past_end_mm) const {
-    Vector row;
-    row.segment<3>(kInner) = way;
-    row.segment<2>(kInner + 3) = past_end_mm * (inner.frames[i].transpose() * way);
-    row.segment<3>(kOuter) = -way;
-    row.segment<2>(kOuter + 3) = -outer_past_end_mm * (outer.frames[m].transpose() * way);
-    return row;
-  }
-};
-
-// Derivative of a vector that is fixed to a segment, by the segment's step. By (5) it turns by phi
-// = [second normal, -normal] xi.
-Frame Turning(const Frame& frame, const Vector3d& vector) {
-  Frame turning;
-  turning.col(0) = frame.col(1).cross(vector);
-  turning.col(1) = -frame.col(0).cross(vector);
-  return turning;
-}
 
 // Point of one curve and the tangent of the other at its foot, both with their bulges: each is
 // fixed to its segment. The point is on the inner curve, but for the mouth.
@@ -181,74 +120,11 @@ Matrix Sideways(const Pressed& at, double force_N, const Vector3d& normal) {
 // Second-order terms of (43).
 void Bend(const Pressed& at, double force_N, const Vector3d& normal, Matrix& out) {
   out = Sideways(at, force_N, normal);
-  // A vector r that turns by phi also moves by (phi (phi.r) - r |phi|^2)/2.
   const auto add = [&](const Frame& frame, const Vector3d& r, double sign, Eigen::Index at_row) {
-    const Eigen::Vector2d by_normal(frame.col(1).dot(normal), -frame.col(0).dot(normal));
-    const Eigen::Vector2d by_r(frame.col(1).dot(r), -frame.col(0).dot(r));
-    Eigen::Matrix2d work = by_normal * by_r.transpose();
-    work = (work + work.transpose().eval()) / 2;
-    work.diagonal().array() -= normal.dot(r);
-    out.block<2, 2>(at_row, at_row) += sign * force_N * work;
+    out.block<2, 2>(at_row, at_row) += sign * force_N * TurningTwice(frame, r, normal);
   };
   add(at.frame, at.past_node, 1, at.point_at + 3);
   add(at.foot_frame, at.foot_past_node, -1, at.foot_at + 3);
-}
-
-// Second derivatives of the work of the force `gradient` along and around the lumen, without the
-// turn of the inner surface. The directions turn with the lumen, and the steps have second-order
-// terms too.
-Matrix Curvature(const Beside& at, const Eigen::Vector2d& gradient, const Vector3d& around) {
-  const auto turned = [&at](const Vector3d& way) {
-    Vector row = Vector::Zero();
-    at.TurnOuter(way, row);
-    return row;
-  };
-  Matrix half = Matrix::Zero();
-  for (int d = 0; d < 3; ++d) {
-    const Vector3d axis = Vector3d::Unit(d);
-    half += gradient[0] * turned(axis) * at.FollowNode(axis).transpose();
-  }
-  half -=
-      gradient[1] * turned(around) * (at.FollowNode(at.along) + turned(at.across) / 2).transpose();
-  const double on_outer = gradient[0] * at.foot_past_end_mm / 2;
-  const double on_inner =
-      at.past_end_mm * at.inward.dot(gradient[0] * at.along + gradient[1] * around) / 2;
-  for (Eigen::Index a = 3; a < 5; ++a) {
-    half(kOuter + a, kOuter + a) -= on_outer;
-    half(kInner + a, kInner + a) -= on_inner;
-  }
-  return half + half.transpose();
-}
-
-// Angle from the first normal of a segment to that of an instrument that twists.
-double TurnOf(const Curve& curve, std::size_t segment, int instrument) {
-  if (curve.turns_rad().empty()) return 0;
-  return curve.turns_rad()[segment][static_cast<std::size_t>(instrument)];
-}
-
-// First normal of the lumen.
-Vector3d LumenNormal(const Beside& at) {
-  const Curve& curve = at.outer.curve;
-  return TurnedAbout(at.along, curve.normals()[at.m], TurnOf(curve, at.m, at.place.outer));
-}
-
-LumenContact ContactAt(const Beside& at) {
-  LumenContact contact;
-  contact.inner = at.place.inner;
-  contact.outer = at.place.outer;
-  contact.outer_from_tip = at.outer.curve.segments() - 1 - at.place.outer_segment;
-  contact.lever_mm = at.place.lever_mm;
-  contact.lumen_mm = at.place.lumen_mm;
-  contact.ahead_mm = at.place.ahead_mm + at.foot_mm;
-  const Vector3d normal = LumenNormal(at);
-  const Vector3d second_normal = at.along.cross(normal);
-  const Eigen::Vector2d& bulge_mm = at.place.lumen_bulge_mm;
-  contact.offset_mm << at.across.dot(normal) + bulge_mm[0],
-      at.across.dot(second_normal) + bulge_mm[1];
-  const Vector3d& inner_normal = at.inner.curve.normals()[at.i];
-  contact.turn_rad = std::atan2(inner_normal.dot(second_normal), inner_normal.dot(normal)) +
-                     TurnOf(at.inner.curve, at.i, contact.inner);
-  return contact;
 }
 
 }  // namespace
@@ -268,13 +144,22 @@ void BetweenCurves::Reserve(const LumenPairs& pairs) {
 
 namespace {
 
-// Adds the contacts at the spots of a pair. Their index is the number of their piece.
-void AddContacts(const LumenPairs& pairs, const Geometry& inner, const Geometry& outer,
-                 std::vector<LumenContact>& contacts) {
-  for (const LumenPlace& spot : pairs.spots) {
-    contacts.resize(static_cast<std::size_t>(spot.piece) + 1);
-    contacts.back() = ContactAt(Beside(spot, inner, outer));
+// Contact at the spot of a place's piece, or at the nearest one.
+LumenContact& ContactAtPiece(const LumenPairs& pairs, const LumenPlace& place,
+                             std::vector<LumenContact>& contacts) {
+  const int piece = std::clamp(place.piece, pairs.spots.front().piece, pairs.spots.back().piece);
+  return contacts[static_cast<std::size_t>(piece)];
+}
+
+// Contact at the spot of a place of curves that cross, or null without. `spot`: the next one.
+LumenContact* ContactAtSpot(const LumenPairs& pairs, const LumenPlace& place,
+                            std::vector<LumenPlace>::const_iterator& spot,
+                            std::size_t first_contact, std::vector<LumenContact>& contacts) {
+  if (spot == pairs.spots.end() || spot->piece != place.piece ||
+      spot->outer_segment != place.outer_segment) {
+    return nullptr;
   }
+  return &contacts[first_contact + static_cast<std::size_t>(spot++ - pairs.spots.begin())];
 }
 
 }  // namespace
@@ -290,8 +175,15 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
   spin_terms.clear();
   energy_mJ = pressed_N = end_pressed_N = largest_offset_mm = 0;
   terms.resize(groups.size());
+  const std::size_t first_contact = lumen == nullptr ? 0 : lumen->size();
   if (lumen != nullptr) AddContacts(pairs, inner_curve, outer_curve, *lumen);
+  auto spot = pairs.spots.begin();  // the next one of curves that cross
   for (const LumenPlace& place : pairs.places) {
+    LumenContact* contact = nullptr;
+    if (lumen != nullptr && !pairs.spots.empty()) {
+      contact = ordered ? &ContactAtPiece(pairs, place, *lumen)
+                        : ContactAtSpot(pairs, place, spot, first_contact, *lumen);
+    }
     const Pressed at(place, inner_curve, outer_curve);
     largest_offset_mm = std::max(largest_offset_mm, at.offset_mm);
     if (beside) {
@@ -313,53 +205,8 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
     energy_mJ += force_N * penetration_mm / 2;
     pressed_N += force_N;
     if (&place == &pairs.places.back()) end_pressed_N += force_N;
-    if (lumen != nullptr && !pairs.spots.empty()) {
-      const int piece =
-          std::clamp(place.piece, pairs.spots.front().piece, pairs.spots.back().piece);
-      (*lumen)[static_cast<std::size_t>(piece)].force_N += force_N;
-    }
+    if (contact != nullptr) contact->force_N += force_N;
     Bend(at, at.sign() * force_N, normal, spring.curvature);
-  }
-}
-
-void BetweenCurves::TakeSlides(const LumenPairs& pairs, const Geometry& inner_curve,
-                               const Geometry& outer_curve, const std::vector<LumenContact>& lumen,
-                               const std::vector<SlideLoad>& loads) {
-  slides.clear();
-  const bool twists = inner_curve.rod.stack_twists();
-  if (twists && !loads.empty()) spin_terms.resize(terms.size());
-  for (SpinTerms& term : spin_terms) term.any = false;
-  auto spot = pairs.spots.begin();
-  for (const SlideLoad& load : loads) {
-    while (spot != pairs.spots.end() && spot->piece < load.place) ++spot;
-    if (spot == pairs.spots.end()) break;
-    if (spot->piece != load.place) continue;
-    const LumenContact& contact = lumen[static_cast<std::size_t>(load.place)];
-    const LumenPlace& place = *spot;
-    const Beside at(place, inner_curve, outer_curve);
-    Slide& slide = slides.emplace_back();
-    slide.load = load;
-    slide.group = place.group;
-    slide.past_mm = place.past_mm;
-    slide.foot_mm = at.foot_mm;
-    slide.inner = place.inner;
-    slide.outer = place.outer;
-    slide.along = at.FollowNode(at.along);
-    at.TurnOuter(at.across, slide.along);
-    // (47)
-    const Vector3d normal = LumenNormal(at);
-    const Vector3d around = load.around[0] * normal + load.around[1] * at.along.cross(normal);
-    slide.around = at.Follow(around);
-    const Vector3d& inner_normal = inner_curve.curve.normals()[at.i];
-    const double inclined = at.along.dot(inner_normal);
-    const Vector3d about =
-        contact.lever_mm / (1 - inclined * inclined) * at.along.cross(inner_normal);
-    at.TurnInner(-about.dot(at.inward) * inner_normal, slide.around);
-    at.TurnOuter(-inclined * about, slide.around);
-    slide.curvature = Curvature(at, load.gradient, around);
-    slide.inner_spin_mm = contact.lever_mm;
-    slide.outer_spin_mm = -contact.lever_mm - at.across.dot(around.cross(at.along));
-    if (twists) AddSpins(slide);
   }
 }
 
@@ -381,36 +228,6 @@ void BetweenCurves::Add(const Spring& spring) {
   if (!(spring.penetration_mm > 0)) return;
   to.force += gradient;
   to.hessian += spring.curvature;
-}
-
-void BetweenCurves::Add(const Slide& slide) {
-  Terms& to = TermsOf(slide.group);
-  const Eigen::Matrix2d& h = slide.load.hessian;
-  const Vector gradient =
-      slide.load.gradient[0] * slide.along + slide.load.gradient[1] * slide.around;
-  to.gradient += gradient;
-  to.force += gradient;
-  const Vector with_along = h(0, 0) * slide.along + h(0, 1) * slide.around;
-  const Vector with_around = h(1, 0) * slide.along + h(1, 1) * slide.around;
-  to.hessian += slide.along * with_along.transpose() + slide.around * with_around.transpose() +
-                slide.curvature;
-}
-
-void BetweenCurves::AddSpins(const Slide& slide) {
-  SpinTerms& to = spin_terms[static_cast<std::size_t>(slide.group)];
-  if (!to.any) {
-    to.any = true;
-    to.with_steps.setZero();
-    to.hessian.setZero();
-  }
-  const Eigen::Matrix2d& h = slide.load.hessian;
-  const Vector with = h(1, 0) * slide.along + h(1, 1) * slide.around;
-  const int spins[2] = {slide.inner, slide.outer};
-  const double by[2] = {slide.inner_spin_mm, slide.outer_spin_mm};
-  for (int a = 0; a < 2; ++a) {
-    to.with_steps.row(spins[a]) += by[a] * with.transpose();
-    for (int b = 0; b < 2; ++b) to.hessian(spins[a], spins[b]) += by[a] * by[b] * h(1, 1);
-  }
 }
 
 }  // namespace torquer

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -42,16 +43,21 @@ struct BetweenCurves {
   /// Place at which a term acts on the relative sliding of the surfaces.
   struct Slide {
     SlideLoad load;
-    int group = 0;             ///< as in Spring
-    double past_mm = 0;        ///< as in Spring
-    double foot_mm = 0;        ///< as in Spring
-    int inner = 0;             ///< instrument that slides in the lumen
-    int outer = 0;             ///< instrument of the lumen
-    Vector along;              ///< d sliding along / d steps
-    Vector around;             ///< d sliding around / d steps
-    Matrix curvature;          ///< Hessian terms from the second derivatives of the sliding, mJ
-    double inner_spin_mm = 0;  ///< d sliding around / d spin of the inner instrument
-    double outer_spin_mm = 0;  ///< d sliding around / d spin of the outer one
+    int group = 0;       ///< as in Spring
+    double past_mm = 0;  ///< as in Spring
+    double foot_mm = 0;  ///< as in Spring
+    int inner = 0;       ///< instrument that slides in the lumen
+    int outer = 0;       ///< instrument of the lumen
+    Vector along;        ///< d sliding along / d steps
+    Vector around;       ///< d sliding around / d steps
+    Matrix curvature;    ///< Hessian terms from the second derivatives of the sliding, mJ
+    /// d (sliding along, around) / d spin of the inner and of the outer instrument.
+    Eigen::Vector2d inner_spin_mm = Eigen::Vector2d::Zero();
+    Eigen::Vector2d outer_spin_mm = Eigen::Vector2d::Zero();
+    /// Hessian terms of both spins from the second derivatives, mJ: with the steps, and with each
+    /// other. Zero in a lumen.
+    std::array<Vector, 2> spin_with_steps = {Vector::Zero(), Vector::Zero()};
+    Eigen::Matrix2d spin_curvature = Eigen::Matrix2d::Zero();
   };
   /// Sums over the springs and slides of a pair of segments.
   struct Terms {
@@ -60,10 +66,14 @@ struct BetweenCurves {
     Vector force;     ///< like gradient, without springs that do not press
     Matrix hessian;
   };
-  /// Sums over the slides of a pair of segments of instruments that twist, by instrument.
-  /// StackTerms has the gradient by the spins.
+  /// Sums over the slides of a pair of segments of instruments that twist, by instrument. For
+  /// curves that cross, by side: 0 of the inner curve, 1 of the outer one, which may be the same.
+  /// The gradient by the spins is in the terms of the segments.
   struct SpinTerms {
     bool any = false;
+    /// By side: the instrument that slides on the first of the slides. Others that slide on a pair
+    /// of segments of curves that cross are not coupled with steps.
+    std::array<int, 2> surface = {};
     Eigen::Matrix<double, kMostInstruments, 10> with_steps;
     Eigen::Matrix<double, kMostInstruments, kMostInstruments> hessian;
   };
@@ -98,9 +108,10 @@ struct BetweenCurves {
   void Place(const LumenPairs& pairs, double stiffness_N_mm2, const Geometry& inner_curve,
              const Geometry& outer_curve, std::vector<LumenContact>* lumen);
   /// Takes over the loads that terms found at the spots of the same state. `lumen`: all contacts of
-  /// the inner curve.
+  /// the inner curve. `first_contact`: number of those before the contacts of curves that cross.
   void TakeSlides(const LumenPairs& pairs, const Geometry& inner_curve, const Geometry& outer_curve,
-                  const std::vector<LumenContact>& lumen, const std::vector<SlideLoad>& loads);
+                  const std::vector<LumenContact>& lumen, std::size_t first_contact,
+                  const std::vector<SlideLoad>& loads);
   /// Sums the springs for which `acts(k)` is true, and all slides.
   template <class Acts>
   void Sum(Acts acts) {
@@ -119,6 +130,8 @@ struct BetweenCurves {
   Terms& TermsOf(int group);
   void Add(const Spring& spring);
   void Add(const Slide& slide);
+  static void AddContacts(const LumenPairs& pairs, const Geometry& inner, const Geometry& outer,
+                          std::vector<LumenContact>& contacts);
   void AddSpins(const Slide& slide);
 };
 

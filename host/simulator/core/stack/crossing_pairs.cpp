@@ -1,8 +1,10 @@
-// Pairs of curves that cross: those beside each other where they face each other head on, and those
-// of a curve with itself.
+// Pairs of curves that cross: those beside each other where they face each other head on or out of
+// order, and those of a curve with itself.
 //
 // A place may face several segments, in any order: each turn of a wire that is wound up faces the
 // turns around it.
+#include <cstdlib>
+
 #include "host/simulator/core/stack/lumen_pairs.h"
 #include "host/simulator/core/stack/pair_builder.h"
 
@@ -44,20 +46,41 @@ void ForEachFacing(const WireModel& rod, const Curve& curve, const Vector3d& poi
   }
 }
 
+// Places of curves beside each other that are in order, from the sheath on.
+class InOrder {
+ public:
+  explicit InOrder(const LumenPairs& pairs) : places_(pairs.places) {}
+
+  // True if a piece faces a segment in order, or one next to it. Pieces must ascend.
+  bool Faces(int piece, int outer_segment) {
+    while (next_ < places_.size() && places_[next_].piece < piece) ++next_;
+    return next_ < places_.size() && places_[next_].piece == piece &&
+           std::abs(places_[next_].outer_segment - outer_segment) <= 1;
+  }
+
+ private:
+  const std::vector<LumenPlace>& places_;
+  std::size_t next_ = 0;
+};
+
 }  // namespace
 
 void CurvePairs::FindCrossing(const InstrumentStack& stack, const WireState& state,
-                              LumenPairs& out) const {
+                              LumenPairs& out) {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{
-      stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer), inner, outer, false, out};
+  PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
+                  inner, outer,         with_spots_,          out};
   const bool itself = out.inner == out.outer;
+  InOrder in_order(PairsOf(out.inner, out.outer));
   for (int i = 0; i < inner.segments(); ++i) {
     for (int k = 0; k < out.pieces_per_segment; ++k) {
       const int from = itself ? i + kApart : 0;
       ForEachFacing(add.outer_rod, outer, add.MiddleOf(i, k), from, [&](int m) {
-        if (!itself && !IsHeadOn(inner, i, outer, m)) return;
+        if (!itself && !IsHeadOn(inner, i, outer, m) &&
+            in_order.Faces(i * out.pieces_per_segment + k, m)) {
+          return;
+        }
         const BesidePlace place = add.FindBeside(i, k, m);
         if (place.covered == 0 || !ShareLumen(stack, out, place)) return;
         // No heap: a wire wound tighter than that keeps the first of its contacts.

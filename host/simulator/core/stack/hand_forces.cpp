@@ -311,9 +311,11 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
   // Lumen friction turns surfaces that do not twist.
   for (const BetweenCurves& between : quadratic.between) {
     for (const BetweenCurves::Slide& slide : between.slides) {
-      const double around_N = slide.load.gradient[1];
-      hands_[static_cast<std::size_t>(slide.inner)].torque_mJ += slide.inner_spin_mm * around_N;
-      hands_[static_cast<std::size_t>(slide.outer)].torque_mJ += slide.outer_spin_mm * around_N;
+      const Eigen::Vector2d& along_and_around_N = slide.load.gradient;
+      hands_[static_cast<std::size_t>(slide.inner)].torque_mJ +=
+          slide.inner_spin_mm.dot(along_and_around_N);
+      hands_[static_cast<std::size_t>(slide.outer)].torque_mJ +=
+          slide.outer_spin_mm.dot(along_and_around_N);
     }
   }
 }

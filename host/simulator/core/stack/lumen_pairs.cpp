@@ -41,6 +41,7 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
     pairs.ordered = false;
     pairs.groups.reserve(kMostFaced * segments);
     pairs.places.reserve(kMostFaced * pieces);
+    pairs.spots.reserve(LumenPairs::MostCrossingSpots(pieces));
   };
   for (int inner = 0; inner < stack.curves(); ++inner) {
     for (int outer = inner + 1; outer < stack.curves(); ++outer) {
@@ -61,7 +62,9 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
 }
 
 LumenPairs& CurvePairs::AddPairs(int inner, int outer) {
+  const auto number = static_cast<int>(pairs_.size());
   LumenPairs& pairs = pairs_.emplace_back();
+  pairs.number = number;
   pairs.inner = inner;
   pairs.outer = outer;
   return pairs;

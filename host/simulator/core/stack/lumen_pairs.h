@@ -13,8 +13,8 @@
 // curve, seen from outside, is in place of the lumen's wall. The outer one is that of the higher
 // number.
 //
-// Separate pairs have the places that face each other head on, and the places of a curve that comes
-// near itself (crossing_pairs.cpp). They have no order from sheath to tip.
+// Separate pairs have the places that face each other head on or out of order, and the places of a
+// curve that comes near itself (crossing_pairs.cpp). They have no order from sheath to tip.
 //
 // The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
 // the energy of that part is smooth.
@@ -76,25 +76,29 @@ struct SegmentPair {
 
 /// Places of two curves.
 struct LumenPairs {
-  int inner = 0;  ///< number of the inner curve
+  int number = 0;  ///< index in CurvePairs::of_curves
+  int inner = 0;   ///< number of the inner curve
   /// Number of the outer curve: above that of the inner one, or the same if the curve touches
   /// itself.
   int outer = 0;
   bool beside = false;  ///< the curves lie beside each other, not within
-  /// Neither index of the groups decreases. False for curves that cross, and have no spots.
+  /// Neither index of the groups decreases. False for curves that cross.
   bool ordered = true;
   std::vector<SegmentPair> groups;  ///< from the sheath
   /// Contact places, from the sheath. In a lumen each stands in the middle of its piece, and the
   /// last is the edge of the outer curve's mouth, or of the inner curve's tip.
   std::vector<LumenPlace> places;
   /// Places of friction, ascending by piece: at most one for each of the `PiecesPerSegment` pieces
-  /// of an inner segment. In a lumen none is left out, up to the last.
+  /// of an inner segment. In a lumen none is left out, up to the last. Curves that cross have one
+  /// at each place that is within a piece of contact.
   std::vector<LumenPlace> spots;
   bool at_mouth = false;  ///< the last place is the mouth
   int pieces_per_segment = 2;
 
   /// Pieces of a segment. With one place alone, nodes would go to and fro.
   static int PiecesPerSegment(int points_per_segment) { return std::max(2, points_per_segment); }
+  /// Most spots of curves that cross, of which the inner one has `pieces`.
+  static std::size_t MostCrossingSpots(std::size_t pieces) { return 2 * pieces; }
 };
 
 /// Pairs of all curves of a state. No heap after construction.
@@ -124,7 +128,7 @@ class CurvePairs {
   void FindInLumens(const InstrumentStack& stack, const WireState& state, int inner);
   LumenPairs& AddPairs(int inner, int outer);
   void FindBeside(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
-  void FindCrossing(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
+  void FindCrossing(const InstrumentStack& stack, const WireState& state, LumenPairs& out);
   void OrderBeside(const InstrumentStack& stack, const WireState& state);
   void MoveGroup(const InstrumentStack& stack, const WireState& state, const SegmentPair& on,
                  int group, LumenPairs& pairs) const;

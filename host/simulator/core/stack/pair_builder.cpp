@@ -66,7 +66,7 @@ double CoveredFraction(double foot_mm, double length_mm, double piece_mm) {
 }  // namespace
 
 bool IsHeadOn(const Curve& inner, int segment, const Curve& outer, int outer_segment) {
-  constexpr double kLeastCosine = -0.5;
+  constexpr double kLeastCosine = -0.1;  // so wires at a right angle stay in order
   return inner.tangents()[static_cast<std::size_t>(segment)].dot(
              outer.tangents()[static_cast<std::size_t>(outer_segment)]) < kLeastCosine;
 }
@@ -191,7 +191,20 @@ void PairBuilder::AddBeside(int segment, double past_mm, int outer_segment, doub
                             int piece) {
   LumenPlace& place = out.places.emplace_back(PlaceAt(segment, past_mm, outer_segment, weight_mm));
   place.piece = piece;
-  if (!with_spots) return;
+  if (with_spots) AddSpotBeside();
+}
+
+void PairBuilder::AddSpotBeside() {
+  LumenPlace& place = out.places.back();
+  if (!out.ordered) {
+    const Line line = LineOf(inner, place.segment);
+    const Line faced = LineOf(outer, place.outer_segment);
+    const Vector3d apart = line.begin + place.past_mm * line.along - faced.begin;
+    const double piece_mm = inner_rod.segment_mm() / out.pieces_per_segment;
+    const double distance_mm = apart.cross(faced.along).norm();
+    if (distance_mm > place.lumen_mm - place.lever_mm + piece_mm) return;
+    if (out.spots.size() == out.spots.capacity()) return;  // as with places
+  }
   place.lumen_bulge_mm = LumenBulge(place);
   out.spots.push_back(place);
 }

@@ -15,7 +15,8 @@ inline constexpr double kReachMm = 5;
 /// Arc length of the proximal node of a segment, mm.
 double ArcMm(const WireModel& rod, const Curve& curve, int segment);
 
-/// True if two segments face each other head on, so that their curves cannot be in order.
+/// True if two segments face each other at more than some 96 degrees. The feet of the inner curve
+/// then run towards the sheath, so the curves cannot be in order.
 bool IsHeadOn(const Curve& inner, int segment, const Curve& outer, int outer_segment);
 
 /// Place on a piece of the inner curve, beside the outer curve.
@@ -58,6 +59,8 @@ struct PairBuilder {
   /// Adds a place of curves beside each other, on piece `piece` of the inner curve, counted from
   /// the sheath. The place represents `weight_mm` of this piece.
   void AddBeside(int segment, double past_mm, int outer_segment, double weight_mm, int piece);
+  /// Adds a spot at the last place, unless curves that cross are far from contact there.
+  void AddSpotBeside();
   /// The same place on the lines of the segments `on`, which may end before it.
   LumenPlace Moved(const LumenPlace& place, const SegmentPair& on);
 

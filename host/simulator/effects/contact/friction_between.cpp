@@ -21,7 +21,9 @@ double TurnIn(const PointSet& points, int segment, int inner, int outer) {
 FrictionBetween::FrictionBetween(double coefficient, double slip_mm, const EffectContext& context)
     : slip_mm_(slip_mm), stack_(*context.stack) {
   sliding_.coefficient = coefficient;
-  if (stack_.curves() > 1) in_lumen_.emplace(coefficient, slip_mm, context);
+  if (stack_.curves() > 1 || stack_.clearance().touches_itself) {
+    in_lumen_.emplace(coefficient, slip_mm, context);
+  }
   on_curves_.resize(static_cast<std::size_t>(stack_.curves()));
   if (!stack_.rod().stack_twists()) return;
   for (OnCurve& on : on_curves_) {
@@ -194,9 +196,9 @@ const Keys<FrictionBetweenSpec>& FrictionBetweenKeys() {
   static const Keys<FrictionBetweenSpec> keys =
       Keys<FrictionBetweenSpec>()
           .Required()
-          .Number(
-              "coefficient", &FrictionBetweenSpec::coefficient, 0, 2, "",
-              "coefficient of Coulomb friction, mu, between an instrument and the one around it")
+          .Number("coefficient", &FrictionBetweenSpec::coefficient, 0, 2, "",
+                  "coefficient of Coulomb friction, mu, between an instrument and the one around "
+                  "it, one beside it, or itself")
           .Number("slip_mm", &FrictionBetweenSpec::slip_mm, 1e-5, 0.1, "mm",
                   "displacement at which a sticking contact begins to slip")
           .Example("coefficient = 0.05\n");
@@ -205,10 +207,11 @@ const Keys<FrictionBetweenSpec>& FrictionBetweenKeys() {
 
 std::unique_ptr<Effect> MakeFrictionBetween(const FrictionBetweenSpec& spec,
                                             const EffectContext& context) {
-  if (context.instruments.size() < 2) {
+  if (context.instruments.size() < 2 && !context.stack->clearance().touches_itself) {
     spec.origin.Refuse("coefficient",
-                       "this scene has one instrument, and friction_between needs two; add a "
-                       "second [[instrument]], or remove [effects.friction_between]");
+                       "this scene has one instrument that does not touch itself, so nothing rubs "
+                       "between; add a second [[instrument]] or [effects.self_contact], or remove "
+                       "[effects.friction_between]");
   }
   return std::make_unique<FrictionBetween>(spec.coefficient, spec.slip_mm, context);
 }

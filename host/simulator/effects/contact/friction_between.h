@@ -8,8 +8,8 @@
 // as the relative motion of both since an anchor, the energy is that of StickSlip with the limit mu
 // N. Both ways share one cone, so an instrument that slides along is easily turned.
 //
-// With room in a lumen, friction also acts between curves, and then on their shapes:
-// lumen_friction.h.
+// With room in a lumen, beside each other and of an instrument with itself, friction also acts
+// between curves, and then on their shapes: lumen_friction.h.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ class FrictionBetween final : public Effect,
                               public BetweenTerm {
  public:
   /// `coefficient` in [0, 2]; `slip_mm` in [1e-5, 0.1]: the motion of a sticking contact before it
-  /// slips. `context` needs its stack, of at least two instruments.
+  /// slips. `context` needs its stack, of at least two instruments, or of one that touches itself.
   FrictionBetween(double coefficient, double slip_mm, const EffectContext& context);
 
   EnergyTerm* energy_term() override { return this; }
@@ -78,7 +78,7 @@ class FrictionBetween final : public Effect,
   const InstrumentStack& stack_;
   Sliding sliding_;
   std::vector<OnCurve> on_curves_;         ///< by curve
-  std::optional<LumenFriction> in_lumen_;  ///< empty if no lumen has room
+  std::optional<LumenFriction> in_lumen_;  ///< empty if one curve touches nothing
 };
 
 EffectKind FrictionBetweenKind();

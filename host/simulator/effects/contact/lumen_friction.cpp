@@ -1,31 +1,64 @@
 #include "host/simulator/effects/contact/lumen_friction.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
-
-#include "host/simulator/core/hash.h"
-#include "host/simulator/effects/contact/stick_slip.h"
+#include <cstdlib>
+#include <utility>
 
 namespace torquer::effects {
 
-using Eigen::Vector2d;
-
 namespace {
 
-// Reduces an angle to within half a turn of zero.
-double Within(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
+// Distance of a place from a memory in the order of both: negative if the place comes first.
+int OrderOf(const LumenContact& contact, const LumenContact& of_memory) {
+  if (contact.pair != of_memory.pair) return contact.pair - of_memory.pair;
+  return of_memory.inner_from_tip - contact.inner_from_tip;
+}
+
+// Memory of a place that crosses, or null. It is at most `reach` pieces away on the inner curve,
+// and one segment on the outer one. The nearest one is taken.
+const HeldContact* FindMemory(const std::vector<HeldContact>& held, const LumenContact& contact,
+                              int reach) {
+  const HeldContact* found = nullptr;
+  int least = 3;
+  LumenContact first = contact;
+  first.inner_from_tip += reach;
+  auto memory = std::lower_bound(
+      held.begin(), held.end(), first,
+      [](const HeldContact& of, const LumenContact& to) { return OrderOf(to, of.from()) > 0; });
+  for (; memory != held.end(); ++memory) {
+    const LumenContact& from = memory->from();
+    const int pieces = std::abs(from.inner_from_tip - contact.inner_from_tip);
+    if (from.pair != contact.pair || pieces > reach) break;
+    const int segments = std::abs(from.outer_from_tip - contact.outer_from_tip);
+    if (segments > 1 || pieces + segments >= least || !memory->Holds(contact)) continue;
+    least = pieces + segments;
+    found = &*memory;
+  }
+  return found;
+}
 
 }  // namespace
 
 LumenFriction::LumenFriction(double coefficient, double slip_mm, const EffectContext& context)
     : coefficient_(coefficient),
       slip_mm_(slip_mm),
-      held_(static_cast<std::size_t>(context.stack->curves())) {
+      held_(static_cast<std::size_t>(context.stack->curves())),
+      crossing_(held_.size()) {
   const auto segments = static_cast<std::size_t>(context.wire.max_segments()) + 1;
-  const int pieces = LumenPairs::PiecesPerSegment(context.wall.points_per_segment);
-  for (auto& sides : held_) {
-    for (std::vector<Held>& held : sides) held.resize(segments * static_cast<std::size_t>(pieces));
+  const auto pieces = segments * static_cast<std::size_t>(
+                                     LumenPairs::PiecesPerSegment(context.wall.points_per_segment));
+  const int curves = context.stack->curves();
+  for (int c = 0; c < curves; ++c) {
+    const auto k = static_cast<std::size_t>(c);
+    if (curves > 1) {
+      for (std::vector<HeldContact>& held : held_[k]) held.resize(pieces);
+    }
+    std::size_t pairs = context.stack->clearance().touches_itself ? 1 : 0;
+    for (int other = c + 1; other < curves; ++other) {
+      pairs += context.stack->AreBeside(c, other) ? 1 : 0;
+    }
+    crossing_[k].held.reserve(pairs * LumenPairs::MostCrossingSpots(pieces));
+    crossing_[k].before.reserve(pairs * LumenPairs::MostCrossingSpots(pieces));
   }
 }
 
@@ -36,20 +69,6 @@ std::array<LumenFriction::Side, LumenFriction::kSides> LumenFriction::SidesOf(
   return {{{points.between.lumen, held[0], pieces}, {points.between.beside, held[1], pieces}}};
 }
 
-// True if the surfaces are still those of the part's start.
-bool LumenFriction::Holds(const Held& held, const LumenContact& contact) {
-  return held.limit_N > 0 && contact.inner == held.from.inner && contact.outer == held.from.outer;
-}
-
-Vector2d LumenFriction::SlidMm(const Held& held, const LumenContact& contact) {
-  Vector2d slid_mm = held.slid_mm;
-  slid_mm[0] += contact.ahead_mm - held.from.ahead_mm;
-  if (Changed(held, contact)) return slid_mm;
-  slid_mm[1] += held.around.dot(contact.offset_mm - held.from.offset_mm) +
-                contact.lever_mm * Within(contact.turn_rad - held.from.turn_rad);
-  return slid_mm;
-}
-
 void LumenFriction::BeginSide(const Side& side, double coefficient) {
   const std::size_t places = side.contacts.size();
   // Places beyond the last one, or in the sheath, return in another position, so their memory is
@@ -57,54 +76,56 @@ void LumenFriction::BeginSide(const Side& side, double coefficient) {
   const std::size_t first = places == 0 ? side.held.size() : side.MemoryOf(places - 1);
   const std::size_t last = places == 0 ? 0 : side.MemoryOf(0);
   for (std::size_t k = 0; k < side.held.size(); ++k) {
-    if (k < first || k > last) side.held[k] = Held();
+    if (k < first || k > last) side.held[k] = HeldContact();
   }
   for (std::size_t place = 0; place < places; ++place) {
-    const LumenContact& contact = side.contacts[place];
-    Held& held = side.HeldAt(place);
-    held.limit_N = coefficient * contact.force_N;
-    held.from = contact;
-    const Vector2d outwards = contact.offset_mm.normalized();
-    held.around << -outwards[1], outwards[0];
+    side.HeldAt(place).Begin(side.contacts[place], coefficient);
+  }
+}
+
+// Contacts that go on keep their anchors, also if they have moved to the next piece or segment.
+void LumenFriction::BeginCrossing(const std::vector<LumenContact>& contacts,
+                                  Crossing& crossing) const {
+  std::swap(crossing.held, crossing.before);
+  crossing.held.clear();
+  for (const LumenContact& contact : contacts) {
+    if (contact.force_N == 0) continue;
+    HeldContact& held = crossing.held.emplace_back();
+    if (const HeldContact* const memory = FindMemory(crossing.before, contact, 1)) {
+      held.Inherit(*memory);
+    }
+    held.Begin(contact, coefficient_);
   }
 }
 
 void LumenFriction::Begin(const PointSet& points) {
   for (const Side& side : SidesOf(points)) BeginSide(side, coefficient_);
-}
-
-// Load of a place without its number. Returns the energy, mJ.
-double LumenFriction::AddPlace(const Held& held, const LumenContact& contact,
-                               SlideLoad& load) const {
-  const Vector2d slid_mm = SlidMm(held, contact);
-  const StickSlip law(held.limit_N, slip_mm_, slid_mm.squaredNorm());
-  load.around = held.around;
-  load.gradient = law.secant_N_mm * slid_mm;
-  load.hessian = law.secant_N_mm * Eigen::Matrix2d::Identity() -
-                 law.softening_N_mm3 * slid_mm * slid_mm.transpose();
-  if (Changed(held, contact)) {
-    load.gradient[1] = 0;
-    load.hessian.row(1).setZero();
-    load.hessian.col(1).setZero();
-  }
-  return law.energy_mJ;
+  BeginCrossing(points.between.crossing, CrossingOf(points));
 }
 
 double LumenFriction::Add(const PointSet& points, PointDerivatives& out) const {
   const auto pieces = static_cast<std::size_t>(points.segments() * points.between.per_segment);
-  const auto& held_by_side = held_[static_cast<std::size_t>(points.among.curve)];
+  const auto curve = static_cast<std::size_t>(points.among.curve);
   double energy_mJ = 0;
+  const auto add = [&](const HeldContact& held, const std::vector<LumenContact>& contacts,
+                       std::size_t place, std::vector<SlideLoad>& loads) {
+    if (!held.Holds(contacts[place])) return;
+    SlideLoad& load = loads.emplace_back();
+    load.place = static_cast<int>(place);
+    energy_mJ += held.Add(contacts[place], slip_mm_, load);
+  };
   for (std::size_t side = 0; side < kSides; ++side) {
     const std::vector<LumenContact>& contacts =
         side == 0 ? points.between.lumen : points.between.beside;
-    std::vector<SlideLoad>& loads = side == 0 ? out.in_lumen : out.beside;
     for (std::size_t place = 0; place < contacts.size(); ++place) {
-      const Held& held = held_by_side[side][pieces - 1 - place];
-      if (!Holds(held, contacts[place])) continue;
-      SlideLoad& load = loads.emplace_back();
-      load.place = static_cast<int>(place);
-      energy_mJ += AddPlace(held, contacts[place], load);
+      add(held_[curve][side][pieces - 1 - place], contacts, place,
+          side == 0 ? out.in_lumen : out.beside);
     }
+  }
+  const std::vector<LumenContact>& contacts = points.between.crossing;
+  for (std::size_t place = 0; place < contacts.size(); ++place) {
+    const HeldContact* const held = FindMemory(crossing_[curve].held, contacts[place], 0);
+    if (held != nullptr) add(*held, contacts, place, out.crossing);
   }
   return energy_mJ;
 }
@@ -114,44 +135,46 @@ void LumenFriction::MoveSurfaces(const PointSet& points,
                                  const std::array<SurfaceMove, kMostInstruments>& moves) {
   for (const Side& side : SidesOf(points)) {
     for (std::size_t place = 0; place < side.contacts.size(); ++place) {
-      Held& held = side.HeldAt(place);
-      if (held.limit_N == 0) continue;
-      const SurfaceMove& inner = moves[static_cast<std::size_t>(held.from.inner)];
-      const SurfaceMove& outer = moves[static_cast<std::size_t>(held.from.outer)];
-      held.slid_mm[1] += held.from.lever_mm * inner.turn_rad - held.from.lumen_mm * outer.turn_rad;
+      side.HeldAt(place).MoveSurfaces(moves);
     }
   }
+  for (HeldContact& held : CrossingOf(points).held) held.MoveSurfaces(moves);
 }
 
 void LumenFriction::End(const PointSet& points) {
   for (const Side& side : SidesOf(points)) {
     for (std::size_t place = 0; place < side.contacts.size(); ++place) {
-      const LumenContact& contact = side.contacts[place];
-      Held& held = side.HeldAt(place);
-      held.slid_mm = Holds(held, contact) ? SlidMm(held, contact) : Vector2d(Vector2d::Zero());
-      const double distance = held.slid_mm.norm();
-      if (distance > slip_mm_) held.slid_mm *= slip_mm_ / distance;
-      held.from = contact;
+      side.HeldAt(place).End(side.contacts[place], slip_mm_);
     }
+  }
+  // Contacts that have ended leave no memory.
+  Crossing& crossing = CrossingOf(points);
+  std::swap(crossing.held, crossing.before);
+  crossing.held.clear();
+  for (const LumenContact& contact : points.between.crossing) {
+    const HeldContact* const memory = FindMemory(crossing.before, contact, 0);
+    if (memory != nullptr) crossing.held.emplace_back(*memory).End(contact, slip_mm_);
   }
 }
 
 void LumenFriction::Reset() {
   for (auto& sides : held_) {
-    for (std::vector<Held>& held : sides) held.assign(held.size(), Held());
+    for (std::vector<HeldContact>& held : sides) held.assign(held.size(), HeldContact());
+  }
+  for (Crossing& crossing : crossing_) {
+    crossing.held.clear();
+    crossing.before.clear();
   }
 }
 
 std::uint64_t LumenFriction::Hash(std::uint64_t seed) const {
   for (const auto& sides : held_) {
-    for (const std::vector<Held>& all : sides) {
-      for (const Held& held : all) {
-        if (held.limit_N == 0) continue;
-        for (const double value : {held.limit_N, held.slid_mm[0], held.slid_mm[1]}) {
-          seed = HashDouble(value, seed);
-        }
-      }
+    for (const std::vector<HeldContact>& all : sides) {
+      for (const HeldContact& held : all) seed = held.Hash(seed);
     }
+  }
+  for (const Crossing& crossing : crossing_) {
+    for (const HeldContact& held : crossing.held) seed = held.Hash(seed);
   }
   return seed;
 }
