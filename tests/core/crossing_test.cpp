@@ -77,7 +77,7 @@ TEST_CASE("With more contacts than rows, a step still gains what the sweep predi
 // sheath.
 TEST_CASE("A wire that crosses another one again and again is paired with it each time") {
   constexpr double kAbove = 0.35;
-  const double lean = GENERATE(-0.4, -0.2, 0.0);  // of the crossings along the straight wire
+  const double lean = GENERATE(-0.4, -0.2, 0.0, 0.2);  // of the crossings along the straight wire
   std::vector<Vector3d> way;
   Vector3d at(22, -5, kAbove);
   double heading = M_PI / 2 - lean;
@@ -108,11 +108,11 @@ TEST_CASE("A wire that crosses another one again and again is paired with it eac
     return Curve(straight);
   }();
   curves.Build();
-  std::vector<int> crossed;  // segments of the straight wire
+  std::vector<int> crossed;  // segments of the winding wire
   for (const BetweenCurves& between : curves.at.between) {
     for (const BetweenCurves::Spring& spring : between.springs) {
       if (spring.penetration_mm < 0.02) continue;
-      const int segment = between.groups[static_cast<std::size_t>(spring.group)].outer;
+      const int segment = between.groups[static_cast<std::size_t>(spring.group)].inner;
       if (crossed.empty() || std::abs(crossed.back() - segment) > 3) crossed.push_back(segment);
     }
   }
