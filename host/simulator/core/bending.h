@@ -1,8 +1,8 @@
 // Bending energy of a joint between two segments.
 //
 // The energy is C g, with C = EI / (length of wire that the joint stands for). All laws are written
-// in y = |u_b - r|^2 / 2 = 1 - cos(theta). r is the rest direction of the distal segment u_b, and
-// theta the angle between the two. Unlike 1 - dot(r, u_b), this form does not cancel for small
+// in y = |u_b - r|^2 / 2 = 1 - cos(theta). Here r is the rest direction of the distal segment u_b,
+// and theta the angle between them. Unlike 1 - dot(r, u_b), this form does not cancel for small
 // bends.
 //
 //   exact  g = theta sin(theta/2)                    Baier et al. 2016, eq. (2)

@@ -26,8 +26,8 @@ using Frame = Eigen::Matrix<double, 3, 2, Eigen::RowMajor>;
 /// segment (n = 0).
 ///
 /// Every member function leaves a consistent wire: unit tangents, unit normals across them, exact
-/// lengths, and nodes that follow from them. The model argument is always the model that the curve
-/// was made for. No function allocates after construction.
+/// lengths, and nodes from these. The model argument is always the model that the curve was made
+/// for. No function allocates after construction.
 class Curve {
  public:
   /// n = 0; room for model.max_segments(). `instruments`: number of instruments of the wire.
@@ -42,20 +42,20 @@ class Curve {
   /// n, unit, across the tangent. Together with the second normal, tangent x normal, it spans the
   /// tangent plane of the steps. For a wire that twists, fixed to its material.
   const std::vector<Eigen::Vector3d>& normals() const { return normals_; }
-  /// Reference twist: an angle, as cosine and sine, for joints that rest curved, by their distance
-  /// from the tip in segments. The angle turns about the proximal tangent from its normal to the
-  /// untwisted one. The untwisted normal is the sheath's, carried along the wire by parallel
-  /// transport. A wire that does not twist has its rest shape fixed to the untwisted normals,
-  /// turned by rotation_rad().
+  /// Reference twist: an angle, as cosine and sine, for joints that rest curved. Its index is the
+  /// joint's distance from the tip in segments. The angle turns about the proximal tangent from its
+  /// normal to the untwisted one. The untwisted normal is the sheath's, carried along the wire by
+  /// parallel transport. A wire that does not twist has its rest shape fixed to the untwisted
+  /// normals, turned by rotation_rad().
   const std::vector<Eigen::Vector2d>& reference_twist() const { return reference_twist_; }
   /// For a wire or a stack that twists: n, by joint, an angle about the tangent. It turns the
   /// normal that is carried over from the proximal segment to the normal of the distal segment. At
   /// joint 0 the sheath's normal is used, which turns with the hand of a lone wire. Otherwise
   /// empty.
   const std::vector<double>& twist_rad() const { return twist_rad_; }
-  /// For a stack that twists: n, angles about the tangent from the segment's normal to the first
-  /// normal of each instrument on this curve. The first normal is fixed to the instrument's
-  /// material. Otherwise empty.
+  /// Only for a stack that twists: n entries. Angles about the tangent from the segment's normal to
+  /// the first normal of each instrument on this curve. The first normal is fixed to the
+  /// instrument's material. Otherwise empty.
   const std::vector<PerInstrument>& turns_rad() const { return turns_rad_; }
   /// The same angle in the segment before joint i, or in the sheath.
   double TurnBefore(int joint, int instrument) const {

@@ -104,7 +104,7 @@ void CurveMechanics::ExpandJoints(const Curve& curve, CurveQuadraticModel& out) 
   out.energy_mJ += straight + curved;
 }
 
-// Goes from the tip to the sheath: the twisting moment is the sum of the torques of all curved
+// Goes from the tip to the sheath. The twisting moment is the sum of the torques of all curved
 // joints beyond.
 void CurveMechanics::ExpandTurningJoints(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();

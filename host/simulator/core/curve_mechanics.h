@@ -44,10 +44,10 @@ struct WallSpring {
   void Press(double pressed_N, const ClearanceSample& sample);
 };
 
-/// Sums over the points of one segment of the gradient g and Hessian H: g, t g, H, t H, t^2 H. Here
-/// t is the distance of a point past the segment's proximal node. A load on the tangent itself adds
-/// its gradient to g1 and its Hessian to h2. f0 and f1 are like g0 and g1, but with
-/// WallSpring::force_N for the springs.
+/// Sums over the points of one segment: g, t g, H, t H, t^2 H. Here g is the gradient, H the
+/// Hessian, and t the distance of a point past the segment's proximal node. A load on the tangent
+/// itself adds its gradient to g1 and its Hessian to h2. The sums f0 and f1 are like g0 and g1, but
+/// with WallSpring::force_N for the springs.
 struct LoadTerms {
   Eigen::Vector3d g0;
   Eigen::Vector3d g1;
@@ -70,8 +70,8 @@ struct CurveQuadraticModel {
   std::vector<StackTerms> stack;   ///< n, for a stack that twists
   std::vector<int> load_index;     ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;    ///< of the loaded segments
-  /// n for one of several curves, otherwise empty: gradient of the contact with the others by the
-  /// displacement of the segment's distal node (3, N) and its step (2, mJ).
+  /// Gradient of the contact with other curves, by displacement of a segment's distal node (3, N)
+  /// and step (2, mJ). It has n entries for one of several curves, otherwise none.
   std::vector<Eigen::Matrix<double, 5, 1>> touch_gradient;
   std::vector<Eigen::Vector3d> distal_gradient;  ///< n + 1: sum of the gradients beyond node i,
                                                  ///< minus the internal force there; N

@@ -53,11 +53,10 @@ class BetweenTerm {
   virtual bool SlidesInLumen() const = 0;
 };
 
-/// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
-/// twists, of its normals. It may couple the unknowns of one point and its spin, but no other two
-/// unknowns. Its gradient must be continuous. Its Hessian may be replaced by a positive
-/// semidefinite approximation. Every call with a PointSet is made for each curve, from the
-/// innermost outwards.
+/// Role *energy term*: an energy of the wire's points and tangents and, if it twists, of its
+/// normals. It may couple the unknowns of one point and its spin, but no other two unknowns. Its
+/// gradient must be continuous. Its Hessian may be replaced by a positive semidefinite
+/// approximation. Every call with a PointSet is made for each curve, from the innermost outwards.
 class EnergyTerm {
  public:
   EnergyTerm() = default;
@@ -68,8 +67,8 @@ class EnergyTerm {
   /// Called before a part of the motion, and after a move of the vessel. Stores the state that
   /// stays constant while that part is relaxed. The wire is in equilibrium, or nearly.
   virtual void Begin(const PointSet& points) = 0;
-  /// True if the result of Add is not energy stored in the wire: dissipated work, or the terms of a
-  /// time step. It counts when the wire is relaxed, but not as the wire's energy.
+  /// True if the result of Add is not stored in the wire: dissipated work, or terms of a time step.
+  /// It counts when the wire is relaxed, but not as the wire's energy.
   virtual bool Dissipates() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives to `out`.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;

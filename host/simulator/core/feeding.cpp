@@ -33,8 +33,8 @@ void Curve::SplitTwist() {
   }
 }
 
-// Joins the twist before segments 0 and 1 are joined. The middle of the joined segment lies at the
-// fraction `part` from the middle of segment 1 to that of segment 0.
+// Joins the twist before segments 0 and 1 are joined. From the middle of segment 1 to that of
+// segment 0, the joined segment's middle lies at the fraction `part`.
 void Curve::JoinTwist(double fraction) {
   const double back = twist_rad_[1] * fraction;
   normals_[1] = TurnedAbout(tangents_[1], normals_[1], -back);

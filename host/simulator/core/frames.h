@@ -5,9 +5,9 @@
 
 namespace torquer {
 
-/// Carries a unit vector across unit `from` to one across unit `to` by the smallest rotation that
-/// takes `from` to `to` (README (10)). For opposite tangents it rotates by half a turn about the
-/// vector itself.
+/// Carries a unit vector across unit `from` to one across unit `to`. It uses the smallest rotation
+/// that takes `from` to `to` (README (10)). For opposite tangents it rotates by half a turn about
+/// the vector itself.
 Eigen::Vector3d ParallelTransport(const Eigen::Vector3d& normal, const Eigen::Vector3d& from,
                                   const Eigen::Vector3d& to);
 

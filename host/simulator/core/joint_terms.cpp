@@ -13,8 +13,8 @@ using Eigen::Vector3d;
 void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
                  const Vector3d& proximal_normal, const Vector3d& rest, const Vector3d& tangent,
                  const Vector3d& normal, double& energy_mJ, JointTerms& out) {
-  // y = |u - r|^2 / 2 with u = tangent, and r = rest turning with the proximal segment by the
-  // rotation vector phi = tangent_p x T_p xi_p = e1 xi_p1 + e2 xi_p2.
+  // y = |u - r|^2 / 2 with u = tangent. The rest direction r turns with the proximal segment. The
+  // rotation vector is phi = tangent_p x T_p xi_p = e1 xi_p1 + e2 xi_p2.
   const double y = (tangent - rest).squaredNorm() / 2;
   const BendingValue v = EvaluateBending(law, y);
   energy_mJ += stiffness_mJ * v.g;
@@ -49,8 +49,8 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_t
 
 namespace {
 
-// Adds the work of a twisting moment on the twist of a joint, (27) to (29): part = 1/(1 + c), h_p,
-// h_d, and T_p' T_d by rows.
+// Adds the work of a twisting moment on the twist of a joint, (27) to (29). Inputs: part = 1/(1 +
+// c), h_p, h_d, and T_p' T_d by rows.
 inline void AddTorqueTerms(double torque_mJ, double factor, Pair h_p, Pair h_d,
                            const Pair (&across)[2], JointTerms& bending, TurnTerms& turn) {
   const double weight = torque_mJ * factor;
@@ -180,7 +180,7 @@ void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_ta
               const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
               double& energy_mJ, JointTerms& bending, TwistTerms& out) {
   // The twist grows by zeta_d - zeta_p, and by the area that the step sweeps on the sphere of
-  // tangents: to first order g_p.xi_p + g_d.xi_d.
+  // tangents. To first order this area is g_p.xi_p + g_d.xi_d.
   const double k = stiffness_mJ;
   const double torque = k * twist_rad;
   energy_mJ += torque * twist_rad / 2;

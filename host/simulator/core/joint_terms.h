@@ -49,9 +49,9 @@ struct RestSpinTerms {
   Eigen::Vector2d with_distal{0, 0};    ///< d2 / d zeta_{i-1} d xi_i, mJ
 };
 
-/// Turn of the untwisted frames about their tangents at joint i of a wire that does not twist:
-/// zeta_i = zeta_{i-1} + proximal . xi_{i-1} + distal . xi_i (README (36)). `rest` is its effect on
-/// the joint itself if the joint rests curved.
+/// Turn of the untwisted frames about their tangents at joint i of a wire that does not twist. It
+/// is zeta_i = zeta_{i-1} + proximal . xi_{i-1} + distal . xi_i (README (36)). `rest` is its effect
+/// on the joint itself if the joint rests curved.
 struct TurnTerms {
   Eigen::Vector2d proximal;
   Eigen::Vector2d distal;
@@ -91,7 +91,7 @@ void AddTwistTerms(double stiffness_mJ, double torque_mJ, const TwistGeometry& g
                    JointTerms& bending);
 
 /// Adds the energy `stiffness_mJ` twist_rad^2 / 2 of a twisted joint to the expansion of the same
-/// joint's bending. stiffness_mJ = GJ / (length that the joint stands for).
+/// joint's bending. The stiffness is GJ / (length that the joint stands for).
 void AddTwist(double stiffness_mJ, double twist_rad, const Eigen::Vector3d& proximal_tangent,
               const Frame& proximal_frame, const Eigen::Vector3d& tangent, const Frame& frame,
               double& energy_mJ, JointTerms& bending, TwistTerms& out);

@@ -46,13 +46,13 @@ struct SlideLoad {
   Eigen::Vector2d around;    ///< unit, in the normals of the lumen
   Eigen::Vector2d gradient;  ///< N: along, around
   Eigen::Matrix2d hessian;   ///< N/mm, symmetric
-  /// Beside another curve: from the inner axis to the point of contact, in the tangent and the
-  /// normals of the outer surface.
+  /// Beside another curve: from the inner axis to the contact point, in the outer surface's tangent
+  /// and normals.
   Eigen::Vector3d lever_mm = Eigen::Vector3d::Zero();
 };
 
-/// Output of the energy terms on a curve. It has the derivatives with respect to positions of
-/// points, tangents of segments that bear a moment, spins, and slides in a lumen.
+/// Output of the energy terms on a curve. It has the derivatives by points' positions, tangents of
+/// segments that bear a moment, spins, and slides in a lumen.
 struct PointDerivatives {
   bool with_hessian = false;
   /// Stored derivatives of a point.

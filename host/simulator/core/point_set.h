@@ -13,8 +13,8 @@
 
 namespace torquer {
 
-/// Place at which a curve lies beside the lumen wall of a curve around it, or beside another curve
-/// (README, section 18). The lumen is then the surface of that other curve. All fields are
+/// Place at which a curve lies beside the lumen wall of a curve around it (README, section 18). Or
+/// it lies beside another curve; the lumen is then the surface of that curve. All fields are
 /// functions of the state; friction in the lumen depends on their changes. The first normal of a
 /// surface is fixed to the material of an instrument that twists. Otherwise it is fixed to the
 /// segment.
@@ -46,8 +46,8 @@ struct LumenContact {
 struct PointSet {
   int per_segment = 1;                    ///< K
   std::vector<Eigen::Vector3d> position;  ///< mm
-  /// Length of wire that the point stands for: half of the piece before it and half of the piece
-  /// after it. So the last point has half a piece, and the sheath has the first half piece.
+  /// Length of wire that the point stands for: half of the pieces before and after it. So the last
+  /// point has half a piece, and the sheath has the first half piece.
   std::vector<double> weight_mm;
   std::vector<double> radius_mm;           ///< of the wire there
   std::vector<std::uint8_t> touches;       ///< 1 where the wire's surface is beyond the wall
@@ -94,9 +94,9 @@ struct PointSet {
     /// Only for a stack that twists, only if a term is a BetweenTerm. Updated when a
     /// part of the motion begins.
     std::vector<std::array<double, kMostInstruments>> pressed_N;
-    /// Places in the lumen of a curve around this one, from the sheath to the mouth or the tip,
-    /// `per_segment` for each segment. Only if a term has BetweenTerm::SlidesInLumen. Otherwise
-    /// empty.
+    /// Places in the lumen of a curve around this one, from the sheath to the mouth or the tip.
+    /// Each segment has `per_segment` of them. Only if a term has BetweenTerm::SlidesInLumen.
+    /// Otherwise empty.
     std::vector<LumenContact> lumen;
     /// Same for the places beside another curve of a higher number. A place that faces no segment
     /// has no force.

@@ -27,7 +27,7 @@ Tips TipsOf(const WireState& state) {
 }
 
 // True if a tip moved much farther than the hands explain. A turn moves a bent tip by its length
-// times the angle in radians, and 10 mm is a long tip.
+// times the angle in rad; 10 mm is a long tip.
 bool Snapped(const Tips& before_mm, const InstrumentPoses& before, const WireState& state) {
   constexpr double kBentTipMm = 10;
   double hands_mm = 0;

@@ -1,8 +1,8 @@
 // Relaxation: the interface of all methods, and the tick that they share.
 //
 // A tick repeats: move a part of the way, then relax. It ends when every instrument has reached its
-// target and the wire is in equilibrium, or when the budget is spent. A method defines how to move
-// and how to relax; the shared tick decides when.
+// target in equilibrium, or when the budget is spent. A method defines how to move and how to
+// relax; the shared tick decides when.
 #pragma once
 
 #include <cstdint>

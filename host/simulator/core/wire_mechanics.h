@@ -1,5 +1,5 @@
-// Energy of all curves of a stack in a vessel, with its derivatives: each curve's own, the contact
-// between curves, and the terms of the effects.
+// Energy of all curves of a stack in a vessel, with its derivatives. It has each curve's energy,
+// the contact between curves, and the terms of the effects.
 #pragma once
 
 #include <cstdint>
@@ -56,9 +56,8 @@ class WireMechanics {
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
   void BuildModel(const WireState& state, QuadraticModel& out);
-  /// Replaces the loads of a curve by those of the model in which the wall acts only on the near
-  /// points with `active`. `active` has one entry per near point. Everything else stays that of the
-  /// state.
+  /// Replaces the loads of a curve by those of a model. In it the wall acts only on the near points
+  /// with `active`. `active` has one entry per near point. Everything else stays that of the state.
   void SumActiveLoads(const WireState& state, int curve, const std::vector<std::uint8_t>& active,
                       QuadraticModel& out) const;
   void SumActiveLoads(const WireState& state, const std::vector<std::uint8_t>& active,

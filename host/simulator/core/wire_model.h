@@ -112,8 +112,9 @@ class WireModel {
   int first_straight_joint() const { return first_straight_; }
   /// Upper bound of first_straight_joint().
   int most_curved_joints() const { return most_curved_; }
-  /// Rest direction of the distal segment of a joint, a unit vector in the frame (untwisted normal,
-  /// second normal, tangent) of the proximal segment. (0, 0, 1) from first_straight_joint() on.
+  /// Rest direction of the distal segment of a joint, a unit vector. Its frame is (untwisted
+  /// normal, second normal, tangent) of the proximal segment. It is (0, 0, 1) from
+  /// first_straight_joint() on.
   const Eigen::Vector3d& rest_direction(int from_tip) const {
     return rest_direction_[Clamp(from_tip)];
   }

@@ -10,7 +10,7 @@ using Eigen::Vector2d;
 namespace {
 
 // A step between sections has a short length. If it begins at a joint, the next hat contains only
-// this small part of it, and the next joint rests straight.
+// this small part. Then the next joint rests straight.
 constexpr double kStraightRad = 1e-12;
 
 Vector2d CurvatureOf(const WireSection& section) {
@@ -61,7 +61,7 @@ void ForPieces(double joint_mm, double segment_mm, const NextKink& next_kink, co
 // Integral over a piece of the weight over a rigidity that is linear from `from` to `to`.
 double Compliance(const Piece& piece, double from, double to) {
   if (from == to) return piece.Weight() / from;
-  // With r = to / from - 1: integrals of 1 / (1 + r t) and t / (1 + r t) for t from 0 to 1.
+  // Integrals of 1 / (1 + r t) and t / (1 + r t) over t = 0 .. 1, r = to / from - 1.
   const double r = to / from - 1;
   double whole = 0;
   double first = 0;

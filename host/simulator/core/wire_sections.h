@@ -1,5 +1,5 @@
-// Wire sections: the properties of an instrument along its length, and their integrals over the
-// joints of a rod of instruments.
+// Wire sections: an instrument's properties along its length, and their integrals over the joints
+// of a rod of instruments.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,10 +25,10 @@ struct WireSection {
 /// end. `sections`: at least one, in ascending from_tip_mm.
 WireSection SectionAt(const std::vector<WireSection>& sections, double from_tip_mm);
 
-/// Integrals over the hat of a joint. The hat's weight w(s) rises from 0 at one neighboring joint
-/// to 1 at the joint itself and falls to 0 at the other. Pieces along s act in series, members at
-/// the same s in parallel. So sections and tips may lie anywhere, and the shape still converges
-/// with the square of the segment (README (2), (30)).
+/// Integrals over the hat of a joint. The hat's weight w(s) is 1 at the joint itself. It falls to 0
+/// at both neighboring joints. Pieces along s act in series, members at the same s in parallel. So
+/// sections and tips may lie anywhere. The shape still converges with the square of the segment
+/// (README (2), (30)).
 struct JointIntegrals {
   double rigidity_N_mm2 = 0;  ///< segment length over the integral of w / sum(EI)
   /// By member: integral of w EI / sum(EI) over the segment length. The member's part of a moment.

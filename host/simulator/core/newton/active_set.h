@@ -1,8 +1,8 @@
 // Active sets: the one-sided springs that act in the current quadratic model.
 //
-// The minimum s for a set need not be one of the one-sided model, in which a spring acts exactly
-// where it penetrates. Penetrations are linear on the way from the best point x so far to s, so the
-// one-sided model has a minimum there that is found exactly (README, section 8).
+// In the one-sided model a spring acts exactly where it penetrates. The minimum s for a set need
+// not be a minimum of that model. Penetrations are linear on the way from the best point x so far
+// to s. So the minimum of the one-sided model on this way is found exactly (README, section 8).
 #pragma once
 
 #include <Eigen/Core>
@@ -23,8 +23,8 @@ class SpringSet {
   /// True if the set is not that of the springs that penetrate at s.
   bool is_wrong() const { return is_wrong_; }
 
-  /// Energy of the set's springs minus that of one-sided springs, mJ: without a step, at x, and at
-  /// a fraction of the way from x to s.
+  /// Energy of the set's springs minus that of one-sided springs, mJ. It is given without a step,
+  /// at x, and at a fraction of the way from x to s.
   double ExcessAtRest() const;
   double ExcessAtBest() const { return ExcessAt(0); }
   double ExcessAt(double fraction) const;

@@ -11,9 +11,9 @@
 
 namespace torquer {
 
-/// Predicts the relaxation after a feed (README, section 8). It repeats the turn of every segment
-/// during the relaxation after the previous feed, scaled by the ratio of the feed lengths. No heap
-/// after construction.
+/// Predicts the relaxation after a feed (README, section 8). It repeats every segment's turn during
+/// the relaxation after the previous feed, scaled by the ratio of the feeds. No heap after
+/// construction.
 class FeedPrediction {
  public:
   explicit FeedPrediction(const WireModel& model);
@@ -24,7 +24,7 @@ class FeedPrediction {
   /// feed.
   void Finish(const Curve& curve);
   /// Feeds the curve to `to_mm` (Curve::Feed) and applies the predicted turns. Makes no prediction
-  /// if the hand turned back, if it fed more than six times as much, or beyond the limits of
+  /// if the hand turned back, or fed more than six times as much. Makes none beyond the limits of
   /// SegmentTurns::Repeat.
   void Feed(const WireModel& model, double to_mm, double most_mm, Curve& curve);
   std::uint64_t Hash(std::uint64_t seed) const;

@@ -1,5 +1,5 @@
 // Front schedule: the order in which a front takes the segments of all curves and the contacts
-// between them, from the tips to the sheath (README, section 6).
+// between them. It goes from the tips to the sheath (README, section 6).
 //
 //   contact in order     both curves are at the cuts of the contact at once: one operation, Touch
 //   contact that crosses    one curve, or one part of a curve, is there first: its segment waits

@@ -1,5 +1,5 @@
-// Newton step of instruments that twist, lie on several curves or touch themselves, in O(n): one
-// front for all of them (README, sections 6, 17 and 18).
+// Newton step of instruments that twist, lie on several curves or touch themselves. One front
+// serves all of them, in O(n) (README, sections 6, 17 and 18).
 //
 //   inner    ====================|====================
 //   outer    --------------------|                      within: an operation at a time, from the

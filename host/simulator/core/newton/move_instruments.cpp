@@ -56,8 +56,8 @@ Eigen::Vector3d Across(const Eigen::Vector3d& direction, const Eigen::Vector3d& 
   return direction - direction.dot(along) * along;
 }
 
-// Direction in which a feed moves a segment: its own tangent, but for the tip, which moves with the
-// end of the shaft.
+// Direction in which a feed moves a segment: its own tangent. The tip moves with the end of the
+// shaft.
 const Eigen::Vector3d& FedAlong(const WireModel& rod, const Curve& curve, int segment) {
   const int shaft = std::max(1, curve.segments() - rod.tip_segments());
   return curve.tangents()[static_cast<std::size_t>(std::min(segment, shaft - 1))];

@@ -12,8 +12,8 @@
 
 namespace torquer {
 
-/// Gives a state that was laid as one curve (WireState::Along) all curves of `stack`, each along
-/// the same path as far as its instruments reach.
+/// Gives a state that was laid as one curve (WireState::Along) all curves of `stack`. Each lies
+/// along the same path, as far as its instruments reach.
 void LayCurves(const InstrumentStack& stack, WireState& state);
 
 /// Fraction of the motion from `here` to `goal` that the motion to `next` covers. All motions are

@@ -1,7 +1,8 @@
 // Newton's method for the equilibrium on the product of spheres; it can stop at any time.
 //
 // Relaxing repeats: solve the model, step, accept or refuse. Sections 6 to 8 of core/README.md
-// derive the method and its constants. relaxation.cpp decides when it moves and when it relaxes.
+// derive the method and its constants. The file relaxation.cpp decides when it moves and when it
+// relaxes.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// Open rows of a front: segments that it has not reached yet, in contact with segments that it has
-// passed (README, section 6).
+// Open rows of a front: segments that it has not reached, in contact with segments behind it
+// (README, section 6).
 //
 // A block of five rows w stands for (dx, eta) of such a segment, at the cut behind it. Where
 // instruments twist, a sixth row stands for the spin of its surface. The minimum cost beyond the
@@ -18,8 +18,8 @@
 
 namespace torquer {
 
-/// Terms of a contact of curves that cross, by the rows of each side: dx, eta and, if it slides
-/// between surfaces that twist, the spin of the surface.
+/// Terms of a contact of curves that cross, by the rows of each side. The rows are dx and eta. If
+/// the contact slides between surfaces that twist, the surface's spin follows.
 struct CrossingTerms {
   static constexpr int kSteps = 5;
   static constexpr int kSpin = 5;  ///< number of the row of the spin
@@ -106,8 +106,8 @@ class OpenRows {
   std::vector<Control> control_;          // one, or none
 };
 
-/// Adds one side of a contact to the slot with the rows `own`, and leaves the other side to another
-/// call. Both sides together are at least the contact's Hessian H: its coupling C of the sides is
+/// Adds one side of a contact to the slot with the rows `own`. Another call adds the other side.
+/// Both sides together are at least the contact's Hessian H. Its coupling C of the sides is
 /// replaced by (C C')^1/2 and (C'C)^1/2.
 template <int kRows>
 void AddEnd(const CrossingTerms& terms, int side, const SideRows& own, Front<kRows>& front);

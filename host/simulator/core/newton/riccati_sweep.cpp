@@ -134,9 +134,9 @@ void RiccatiSweep<Stage>::SubstituteSpin(const TurnTerms& turn, Pair length, con
   w.spin_gradient = v.spin_gradient;  // the joint's own part is in the gradients of the steps
 }
 
-// Assembles the cost of a stage as a function of its state (dx, xi before) and control: the cost
-// beyond, its loads and its joint. It uses pairs because small matrices take three times as long.
-// The sweep is a third of an iteration.
+// Assembles the cost of a stage as a function of its state (dx, xi before) and control. It adds the
+// cost beyond, the loads and the joint. It uses pairs because small matrices take three times as
+// long. The sweep is a third of an iteration.
 template <class Stage>
 void RiccatiSweep<Stage>::Assemble(const WireModel& model, const Curve& curve,
                                    const CurveQuadraticModel& quadratic, double weight, int i,

@@ -86,8 +86,8 @@ class RiccatiSweep {
     Pair q[3];
     Pair with_spin;  ///< couples xi and the spin before
   };
-  /// Cost of a stage before its control is eliminated: all terms of the control, and those of the
-  /// step before alone.
+  /// Cost of a stage before its control is eliminated: terms with the control, and terms of only
+  /// the step before.
   struct StageCost : SpinStageCost {
     Pair s;        ///< diagonal of the pivot
     Pair cross;    ///< its off-diagonal element

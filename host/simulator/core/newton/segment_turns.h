@@ -19,8 +19,8 @@ class SegmentTurns {
   void Clear() { turns_rad_.clear(); }
   /// Stores the turns from one list of tangents to another of the same length.
   void Measure(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to);
-  /// Turns the segments of `curve` by `ratio` times the turns. Turns no segment if one of them
-  /// would turn by more than 0.1 rad, or if a node would move by more than `most_mm`.
+  /// Turns the segments of `curve` by `ratio` times the turns. Turns no segment if one would turn
+  /// by more than 0.1 rad, or a node move by more than `most_mm`.
   void Repeat(const WireModel& model, double ratio, double most_mm, Curve& curve);
   std::uint64_t Hash(std::uint64_t seed) const;
 

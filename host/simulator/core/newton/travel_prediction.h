@@ -22,7 +22,7 @@ class TravelPrediction {
   void Forget() { travel_mm_ = 0; }
   /// Applies the predicted turns to a curve whose vessel has moved by `travel_mm` >= 0
   /// (ClearanceField::LastTravelMm). Makes no prediction beyond the limits of SegmentTurns::Repeat,
-  /// or if the vessel moved more than four times as far as before.
+  /// or if the vessel moved over four times as far as before.
   void Travel(const WireModel& model, double travel_mm, double most_mm, Curve& curve);
   std::uint64_t Hash(std::uint64_t seed) const;
 

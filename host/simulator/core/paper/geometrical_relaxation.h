@@ -10,8 +10,8 @@
 // bent to the curve of least energy, which may have another length. Then nodes past mu slide along
 // the curve until they are lambda apart again.
 //
-// Equation numbers are the paper's, and so are indices: segment i ends at node i, so the paper's
-// u_i is state.tangents[i - 1].
+// Equation numbers and indices are the paper's. Segment i ends at node i, so the paper's u_i is
+// state.tangents[i - 1].
 #pragma once
 
 #include <Eigen/Core>
@@ -71,10 +71,10 @@ std::optional<GeometricalInterval> SelectInterval(const WireModel& model, const 
                                                   const std::vector<char>& near_wall, int last,
                                                   const GeometricalSettings& settings);
 
-/// Point slide, 3.2.3. `slid` keeps curve[0 .. mu]. Every node past mu goes to the point at which
-/// the curve leaves the sphere of radius lambda about the node before it, (24), (25). With
-/// `second_order` it is moved to the arc that the curve stands for, (26), (27). Past its end the
-/// curve goes straight on. Both have one entry per node, curve at least two; mu >= 1.
+/// Point slide, 3.2.3. `slid` keeps curve[0 .. mu]. Every node past mu goes to a point on the
+/// sphere of radius lambda about the node before it. There the curve leaves that sphere, (24),
+/// (25). With `second_order` it is moved to the arc that the curve stands for, (26), (27). Past its
+/// end the curve goes straight on. Both have one entry per node, curve at least two; mu >= 1.
 void SlidePoints(const std::vector<Eigen::Vector3d>& curve, int mu, double lambda,
                  bool second_order, std::vector<Eigen::Vector3d>& slid);
 

@@ -54,7 +54,7 @@ class PhysicalRelaxation {
 
   /// m = M + margin, at most n.
   int TipIterations(const WireState& state) const;
-  /// Tip Relaxation (3.1): the first m iterations of a cycle, then single updates of every
+  /// Tip Relaxation (3.1): the first m iterations of a cycle. Then come single updates of every
   /// margin-th segment to the proximal end.
   void RelaxTip(WireState& state);
 

@@ -94,8 +94,8 @@ void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
   }
 }
 
-// For three curves that face each other, the orders of the pairs may be contradictory, because of
-// the small angles between the planes of their nodes. Then the places beside each other take the
+// For three curves that face each other, the orders of the pairs may be contradictory. The cause is
+// small angles between the planes of their nodes. Then the places beside each other take the
 // segments before, whose lines run on beyond their ends.
 void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& state) {
   if (std::none_of(pairs_.begin(), pairs_.end(),

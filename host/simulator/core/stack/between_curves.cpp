@@ -28,7 +28,7 @@ using Geometry = BetweenCurves::Geometry;
 constexpr Eigen::Index kInner = 0;
 constexpr Eigen::Index kOuter = 5;
 
-// Point of one curve and the tangent of the other at its foot, both with their bulges: each is
+// Point of one curve and the tangent of the other at its foot, both with their bulges. Each is
 // fixed to its segment. The point is on the inner curve, but for the mouth.
 struct Pressed {
   Pressed(const LumenPlace& of, const Geometry& inner, const Geometry& outer)

@@ -1,5 +1,5 @@
-// Contact between two curves of a stack: the inner instruments in the lumen of the outer ones, or
-// two curves beside each other (README, section 18).
+// Contact between two curves of a stack (README, section 18). The inner instruments lie in the
+// lumen of the outer ones, or both curves lie beside each other.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +16,8 @@ namespace torquer {
 
 /// Springs between two curves at one state, and their terms in each segment. No heap after Reserve.
 struct BetweenCurves {
-  /// Unknowns that move a place and its foot: the displacement of the distal node of its segment
-  /// (3) and the segment's own step (2). The unknowns of the inner curve come first.
+  /// Unknowns that move a place and its foot: displacement of the segment's distal node (3), and
+  /// the segment's step (2). The unknowns of the inner curve come first.
   using Vector = Eigen::Matrix<double, 10, 1>;
   using Matrix = Eigen::Matrix<double, 10, 10>;
 
@@ -67,8 +67,8 @@ struct BetweenCurves {
     Matrix hessian;
   };
   /// Sums over the slides of a pair of segments of instruments that twist, by instrument. For
-  /// curves that cross, by side: 0 of the inner curve, 1 of the outer one, which may be the same.
-  /// The gradient by the spins is in the terms of the segments.
+  /// curves that cross, by side: 0 of the inner curve, 1 of the outer one (perhaps the same). The
+  /// gradient by the spins is in the terms of the segments.
   struct SpinTerms {
     bool any = false;
     /// By side: the instrument that slides on the first of the slides. Others that slide on a pair

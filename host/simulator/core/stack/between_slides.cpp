@@ -21,8 +21,8 @@ namespace {
 constexpr Eigen::Index kInnerSteps = 0;
 constexpr Eigen::Index kOuterSteps = 5;
 
-// Place on the inner curve with its foot on the line of the outer segment, both as chords: the
-// bulges change nothing in the way that surfaces slide.
+// Place on the inner curve with its foot on the line of the outer segment, both as chords. The
+// bulges do not change how the surfaces slide.
 struct AxisPlace {
   AxisPlace(const LumenPlace& of, const CurveGeometry& inner_curve,
             const CurveGeometry& outer_curve)
@@ -75,9 +75,9 @@ struct AxisPlace {
   }
 };
 
-// Second derivatives of the work of the force `gradient` along and around the lumen, without the
-// turn of the inner surface. The directions turn with the lumen, and the steps have second-order
-// terms too.
+// Second derivatives of the work of the force `gradient` along and around the lumen. The turn of
+// the inner surface is left out. The directions turn with the lumen, and the steps have
+// second-order terms too.
 StepMatrix Curvature(const AxisPlace& at, const Eigen::Vector2d& gradient, const Vector3d& around) {
   const auto turned = [&at](const Vector3d& way) {
     StepRow row = StepRow::Zero();

@@ -1,8 +1,7 @@
-// Pairs of curves that cross: those beside each other where they face each other head on or out of
-// order, and those of a curve with itself.
+// Pairs of curves that cross. Curves beside each other face each other head on or out of order. A
+// curve may also cross itself.
 //
-// A place may face several segments, in any order: each turn of a wire that is wound up faces the
-// turns around it.
+// A place may face several segments, in any order. In a coil, each turn faces the turns around it.
 #include <cstdlib>
 
 #include "host/simulator/core/stack/lumen_pairs.h"

@@ -23,8 +23,8 @@ const Vector3d& TangentBefore(const WireModel& rod, const Curve& curve, int join
                     : curve.tangents()[static_cast<std::size_t>(joint) - 1];
 }
 
-// Part of the push that a straight sheath takes if it holds an instrument only against turning: the
-// energy of the twist per length, (34).
+// Part of the push that a straight sheath takes if it holds an instrument only against turning. It
+// is the energy of the twist per length, (34).
 double TorsionalThrust(const WireModel& rod, const Curve& curve, int instrument) {
   if (rod.spins() == 0) return 0;
   const double twist_rad = curve.TwistOf(0, instrument);
@@ -40,7 +40,7 @@ Vector3d Bend(const Vector3d& before, const Vector3d& after) {
 }
 
 // Vector across the tangent before a joint, with components towards the normals of an instrument's
-// tip, as a rotation vector: bending towards the first normal turns about the second.
+// tip. As a rotation vector: bending towards the first normal turns about the second.
 Vector3d FromOwnNormals(const WireModel& rod, const Curve& curve, int joint, int instrument,
                         const Vector2d& own) {
   if (own.isZero(0)) return Vector3d::Zero();
@@ -72,7 +72,7 @@ HandForces::OnCurve HandForces::CurveOf(const InstrumentStack& stack, const Wire
 }
 
 // Shares the loads between nodes by the lever rule, like the contacts. An instrument that touches
-// the wall or the lumen takes the loads there; the outermost on a curve takes all others.
+// the wall or the lumen takes the loads there. The outermost on a curve takes all others.
 void HandForces::DistributeLoads(const InstrumentStack& stack, const OnCurve& on) {
   const auto nodes = static_cast<std::size_t>(on.curve.segments()) + 1;
   for (int k = on.range.first; k < on.range.last; ++k) {
@@ -181,9 +181,9 @@ void HandForces::Balance(const OnCurve& on, int node, const Sliding& sliding) {
 }
 
 // Friction between instruments. Each instrument presses against the next one around it, by its
-// tension and by the tensions of all instruments within it. The contribution of their bending
-// moments is left out. At a step of a rest shape or a rigidity it is a couple, with forces that
-// grow as the clearance shrinks.
+// tension and the tensions of all instruments within. The contribution of their bending moments is
+// left out. At a step of rest shape or rigidity it is a couple. Its forces grow as the clearance
+// shrinks.
 void HandForces::FindFriction(const OnCurve& on, int node, const Sliding& sliding) {
   const Curve& curve = on.curve;
   const auto i = static_cast<std::size_t>(node);
@@ -275,7 +275,7 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
     section_forces_ = {};
     FindCurveLoads(state, quadratic, c, loads_);
     BalanceAll(stack, on, sliding);
-    // The force at a node is split equally between its two segments; that at the last node goes to
+    // The force at a node is split equally between its two segments. At the last node it goes to
     // the last segment.
     for (std::size_t i = 0; i < n; ++i) {
       for (auto k = static_cast<std::size_t>(on.range.first);

@@ -34,8 +34,8 @@ class HandForces {
   void Find(const InstrumentStack& stack, const WireState& state, const QuadraticModel& quadratic,
             const InternalForces& forces, const Sliding& sliding);
   /// Finds only the contact force of each instrument against the next one around it on its curve,
-  /// by segment: PointSet::Between::pressed_N of `quadratic`. Has no effect if the coefficient is
-  /// 0. O(n); no heap after Reserve.
+  /// by segment. This is PointSet::Between::pressed_N of `quadratic`. Has no effect if the
+  /// coefficient is 0. O(n); no heap after Reserve.
   void FindPressed(const InstrumentStack& stack, const WireState& state, const Sliding& sliding,
                    QuadraticModel& quadratic);
   /// Reserves room for rods of `segments` segments.

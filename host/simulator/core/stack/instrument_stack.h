@@ -7,14 +7,14 @@
 // All lie on one curve. At a place with several instruments, rigidities add up, and the rod rests
 // at
 //   kappa = sum(EI_k kappa_k) / sum(EI_k)                                        (README (30)).
-// Every rest curvature turns with its own instrument: with its hand or, with twist, with its local
-// turn (core/README.md section 17). The leader is the instrument that reaches farthest: the
-// segments of the rod are its material. An instrument that slides in the others changes the rod's
-// properties, not its position. A tip divides the joints around it into parts with and parts
-// without the instrument. A tip that passes that of the leader coincides with it, and so do
+// Every rest curvature turns with its instrument: with the hand or, with twist, with the local turn
+// (core/README.md section 17). The leader is the instrument that reaches farthest: the segments of
+// the rod are its material. An instrument that slides in the others changes the rod's properties,
+// not its position. A tip divides the joints around it into parts with and parts without the
+// instrument. A tip that passes that of the leader coincides with it, and so do
 // the segments of both. A lone wire is a stack of one: it is the rod.
 //
-// Room in a lumen divides the instruments into curves (core/README.md section 18): curve 0 has the
+// Room in a lumen divides the instruments into curves (core/README.md section 18). Curve 0 has the
 // innermost ones, and each lumen with room begins another. So does an instrument that lies beside
 // the earlier ones. Each curve has its own rod and segments.
 #pragma once
@@ -40,7 +40,7 @@ struct Clearance {
   /// Entry k: instrument k lies beside the instruments before it, with its own sheath; k >= 1.
   /// The instruments after it lie around all of them, and need room.
   std::array<bool, kMostInstruments> is_beside = {};
-  /// Entry k, of an instrument that lies beside others: path along which it lies when it is
+  /// Entry k belongs to an instrument that lies beside others. Path along which it lies when it is
   /// inserted at the start, mm. May be empty.
   std::array<std::vector<Eigen::Vector3d>, kMostInstruments> start_path_mm = {};
   /// True if each curve touches itself where it comes near itself.
@@ -94,8 +94,8 @@ class InstrumentStack {
   double Reach(int curve, const InstrumentPoses& poses) const {
     return poses[Leader(curve, poses)].insertion_mm;
   }
-  /// Instrument of a curve that has its lumen, or its surface, at an arc length: the innermost, or
-  /// the outermost, that reaches it. If none does, the one that reaches farthest.
+  /// Instrument that gives a curve its lumen (the innermost) or its surface (the outermost) at an
+  /// arc length. If none reaches it, the one that reaches farthest.
   int LumenAt(int curve, const InstrumentPoses& poses, double arc_mm) const;
   int SurfaceAt(int curve, const InstrumentPoses& poses, double arc_mm) const;
 

@@ -1,20 +1,19 @@
-// Lumen pairs: the places of a curve in the lumen of a curve around it, each with the segment of
-// the outer curve that faces it (README, section 18).
+// Lumen pairs: the places of a curve in the lumen of a curve around it (README, section 18). Each
+// place has the segment of the outer curve that faces it.
 //
 // A place faces the segment that has its foot, the nearest point of the outer curve. Segments meet
-// at the plane that bisects their angle. The pieces of the inner curve between these planes are
-// divided, so that each place stands for a piece that faces one segment. Distances are those of the
-// smooth curves through the nodes: chords alone would hold a wire that slides from node to node.
+// at the plane that bisects their angle. These planes divide the inner curve into pieces. So each
+// place stands for a piece that faces one segment. Distances are those of the smooth curves through
+// the nodes. Chords alone would hold a wire that slides from node to node.
 //
 //   outer   |-------- m --------|------ m + 1 ------|
 //   inner      |------- i --------|------ i + 1 ------|      pieces (i, m) (i, m+1) (i+1, m+1)
 //
-// Curves beside each other are paired in the same way (beside_pairs.cpp): the surface of the outer
-// curve, seen from outside, is in place of the lumen's wall. The outer one is that of the higher
-// number.
+// Curves beside each other are paired in the same way (beside_pairs.cpp). The surface of the outer
+// curve, seen from outside, replaces the lumen's wall. The outer curve has the higher number.
 //
-// Separate pairs have the places that face each other head on or out of order, and the places of a
-// curve that comes near itself (crossing_pairs.cpp). They have no order from sheath to tip.
+// Separate pairs have the places that face each other head on or out of order (crossing_pairs.cpp).
+// So do the places of a curve that comes near itself. They have no order from sheath to tip.
 //
 // The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
 // the energy of that part is smooth.
@@ -50,8 +49,8 @@ struct LumenPlace {
   /// LumenContact::ahead_mm, less the way of the foot past the proximal node of the outer segment.
   double ahead_mm = 0;
   /// Segments are chords of smooth curves. Offsets of both curves from their chords at the place
-  /// and at its foot, in the normals of each segment, mm. Then the tangent of the faced curve
-  /// there, minus the tangent of its chord.
+  /// and its foot, in each segment's normals, mm. Then the tangent of the faced curve there, minus
+  /// the tangent of its chord.
   Eigen::Vector2d bulge_mm = Eigen::Vector2d::Zero();
   Eigen::Vector2d foot_bulge_mm = Eigen::Vector2d::Zero();
   Eigen::Vector2d foot_slope = Eigen::Vector2d::Zero();
@@ -85,8 +84,8 @@ struct LumenPairs {
   /// Neither index of the groups decreases. False for curves that cross.
   bool ordered = true;
   std::vector<SegmentPair> groups;  ///< from the sheath
-  /// Contact places, from the sheath. In a lumen each stands in the middle of its piece, and the
-  /// last is the edge of the outer curve's mouth, or of the inner curve's tip.
+  /// Contact places, from the sheath. In a lumen each stands in the middle of its piece. The last
+  /// is the edge of the outer curve's mouth, or of the inner curve's tip.
   std::vector<LumenPlace> places;
   /// Places of friction, ascending by piece: at most one for each of the `PiecesPerSegment` pieces
   /// of an inner segment. In a lumen none is left out, up to the last. Curves that cross have one

@@ -42,7 +42,7 @@ Line LineOf(const Curve& curve, int segment) {
 }
 
 // Place on a piece of the inner line for contact with the outer line. If the lines run alongside,
-// it is the middle of the piece; if they cross, the point nearest to the outer line.
+// it is the middle of the piece. If they cross, it is the point nearest to the outer line.
 double ContactMm(const Line& inner, const Line& outer, double middle_mm, double piece_mm) {
   constexpr double kAlongside = 0.15;  // sines of the angle
   constexpr double kCrossing = 0.45;

@@ -8,8 +8,8 @@
 
 namespace torquer {
 
-/// Distance of the axes, mm, up to which a place of curves beside each other is paired: one part of
-/// the motion covers less.
+/// Largest distance of the axes, mm, at which a place of curves beside each other is paired. One
+/// part of the motion covers less.
 inline constexpr double kReachMm = 5;
 
 /// Arc length of the proximal node of a segment, mm.

@@ -6,7 +6,7 @@
 
 namespace torquer {
 
-/// Chooses the pair of curves whose most distal group is next; `left`: groups of each pair that are
+/// Chooses the pair of curves whose most distal group is next. `left`: groups of each pair that are
 /// not yet in the order. A pair waits for another one that touches one of its curves beyond it.
 /// Curves within each other never all wait for each other; if those beside each other do, they come
 /// last. Returns the number of pairs if no group is left. `Pairs`: LumenPairs or BetweenCurves.

@@ -34,8 +34,8 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
                       const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
                       JointTerms& bending, StackTerms& out);
 
-/// GJ of an instrument that twists, lone or in a stack, at joint i over the length that the joint
-/// stands for, mJ.
+/// GJ over the length that joint i stands for, of an instrument that twists, lone or in a stack,
+/// mJ.
 double TwistStiffnessOf(const WireModel& model, const Curve& curve, int joint, int instrument);
 
 }  // namespace torquer
