@@ -73,7 +73,7 @@ TEST_CASE("With more contacts than rows, a step still gains what the sweep predi
   CHECK(-coil.Gradient().dot(step) - bent_mJ / 2 > predicted_mJ * (1 - 1e-6));
 }
 
-// A wire that winds to and fro over a straight one crosses it three times, each time nearer to its
+// A wire that winds to and fro over a straight one crosses it three times, each nearer to its
 // sheath.
 TEST_CASE("A wire that crosses another one again and again is paired with it each time") {
   constexpr double kAbove = 0.35;

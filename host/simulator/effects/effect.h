@@ -149,8 +149,8 @@ class Observer {
   virtual const std::array<HandForce, kMostInstruments>* AtHands() const { return nullptr; }
 };
 
-/// Role *limit*: bounds the motion of a tick, so that an instrument stops at a place that the
-/// relaxation does not know. Look is called after each part of the motion.
+/// Role *limit*: bounds the motion of a tick. So an instrument stops at a place that the relaxation
+/// does not know. Look is called after each part of the motion.
 class MotionLimit {
  public:
   virtual ~MotionLimit() = default;

@@ -1,5 +1,5 @@
-// Contrast agent in the blood. It is injected while the button is held, carried along the
-// centerlines, dispersed, mixed at joints, and washed out at the ends.
+// Contrast agent in the blood. It is injected while the button is held, and carried along the
+// centerlines. It disperses, mixes at joints, and leaves at the ends.
 //
 //   node --[ cell | cell | cell | cell ]--> node     one mean concentration a cell
 //            F -> F -> F ->  limited second order upwind + dispersion, conservative

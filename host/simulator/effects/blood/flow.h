@@ -7,8 +7,8 @@
 // A flow source at the inlet delivers its flow against any pressure. A pressure source delivers
 // less if something else, such as an injection, adds to the flow.
 //
-// The model has no inertia of the blood and no compliance of the network's own walls, so waves have
-// no speed. With Windkessels, stenoses or obstructing devices the flow advances in short implicit
+// The model has no inertia of the blood and no compliance of the network's walls. So waves have no
+// speed. With Windkessels, stenoses or obstructing devices the flow advances in short implicit
 // steps. Without them the three parts are solved once.
 #pragma once
 

@@ -181,7 +181,7 @@ Friction::RollingSlip Friction::RollingSlipAt(const PointSet& points, std::size_
 
 namespace {
 
-// Shares a load between the points on either side of its place, by the lever rule; this keeps force
+// Shares a load between the points on either side of its place, by the lever rule. This keeps force
 // and moment. The two shares are stiffer than a load at the place between the points. `moment`
 // subtracts the excess.
 void DistributeLoad(const PointSet& points, const PointSet::Place& place, const Vector3d& gradient,

@@ -1,16 +1,16 @@
 // Coulomb friction of the wire on the wall.
 //
 // Spots of each instrument's surface have anchors on the wall. Spots are as far apart as the
-// contact points and fixed to the instrument's material. s is the displacement of a spot from its
-// anchor in the plane of contact. N is the normal force at the start of the part. The force is that
-// of StickSlip with the limit mu N. After the part, an anchor farther away than the slip length d
-// follows to the distance d. So the force stays unchanged, and the contact does not creep while it
-// sticks.
+// contact points and fixed to the instrument's material. Here s is the displacement of a spot from
+// its anchor in the plane of contact. N is the normal force at the start of the part. The force is
+// that of StickSlip with the limit mu N. After the part, an anchor farther away than the slip
+// length d follows to the distance d. So the force stays unchanged, and the contact does not creep
+// while it sticks.
 //
-// A part is the motion that the relaxation performs at once (0.25 mm). So the path of the wire does
-// not depend on the length of a tick or on the end of its budget. The surface slides: turning an
-// instrument moves it around, feeding moves it along, and both share one cone. If the vessel moves,
-// the anchors move with their places on the wall.
+// A part is the motion that the relaxation performs at once (0.25 mm). So the wire's path does not
+// depend on the length of a tick or the end of its budget. The surface slides: a turn moves it
+// around, a feed moves it along, and both share one cone. If the vessel moves, the anchors move
+// with their places on the wall.
 //
 // The spots of the leader are the contact points of the rod. Spots of other instruments lie between
 // them and share the contact forces of the points on either side.

@@ -8,8 +8,8 @@
 // as the relative motion of both since an anchor, the energy is that of StickSlip with the limit mu
 // N. Both ways share one cone, so an instrument that slides along is easily turned.
 //
-// With room in a lumen, beside each other and of an instrument with itself, friction also acts
-// between curves, and then on their shapes: lumen_friction.h.
+// Friction also acts between curves, and then on their shapes (lumen_friction.h). Such curves have
+// room in a lumen, lie beside each other, or touch themselves.
 #pragma once
 
 #include <array>

@@ -1,11 +1,11 @@
-// Coulomb friction between a curve and the lumen in which it has room, between curves beside each
-// other, and of a curve with itself (core/README.md, section 18).
+// Coulomb friction between a curve and the lumen in which it has room (core/README.md, section 18).
+// It also acts between curves beside each other, and of a curve with itself.
 //
 // At every contact place, N is the contact force. With
 //   s = (way along the lumen, way around it)
-// as the relative sliding of both surfaces since an anchor, the energy is that of StickSlip with
-// the limit mu N. Both ways share one cone. The way around includes the turn of the inner surface,
-// so a wire that rolls in the lumen does not slide. As on the wall, N and the direction around are
+// as the relative sliding of both surfaces since an anchor. The energy is that of StickSlip with
+// the limit mu N. Both ways share one cone. The way around includes the turn of the inner surface.
+// So a wire that rolls in the lumen does not slide. As on the wall, N and the direction around are
 // those at the start of a part. The anchor follows a place that has slipped.
 #pragma once
 

@@ -1,5 +1,5 @@
-// X-ray picture: a C-arm about the patient, the wire, dye in the vessels, a body around them, and
-// the quantum noise of the dose.
+// X-ray picture: a C-arm about the patient, the wire, dye in the vessels and a body around them.
+// Its quantum noise follows from the dose.
 //
 //   tick thread: FrameTaker --nodes, dye--> newest frame --> render thread: PictureRenderer
 //                DoseMeter

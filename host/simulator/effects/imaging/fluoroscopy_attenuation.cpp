@@ -89,8 +89,8 @@ void AddWire(const Projection& projection, const std::vector<WirePoint>& wire, P
 
 namespace {
 
-// Section of a ray in an elliptic cylinder along the patient's axis: its length, and the position
-// of its middle along that axis.
+// Section of a ray in an elliptic cylinder along the patient's axis: length, and its middle's
+// position along that axis.
 struct Chord {
   double length_mm = 0;
   double middle_s_mm = 0;

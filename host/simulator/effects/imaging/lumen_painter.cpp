@@ -103,8 +103,7 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
     along_column /= length;
     along_row /= length;
   }
-  // The discs at the ends extend beyond the line if the vessel runs along the ray or its planes are
-  // tilted.
+  // The end discs extend beyond the line if the vessel runs along the ray or its planes are tilted.
   const double tilt =
       std::max(std::abs(cone.axis[2]) + 0.2,
                std::sqrt(1 - std::min({1.0, std::pow(cone.begin_normal.dot(cone.axis), 2),
@@ -168,7 +167,7 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
 // Finds the section of one ray in a cone; returns false without an intersection.
 bool LumenPainter::Meet(const Cone& cone, const Projection& projection, double column, double row,
                         Stretch& stretch) {
-  // The ray is d z, with z counted from the middle's depth; it is in the cone for a t^2 + 2 b t + c
+  // The ray is d z, with z counted from the middle's depth. It is in the cone for a t^2 + 2 b t + c
   // <= 0.
   const double slope = (cone.end_radius - cone.begin_radius) / cone.length;
   const double steep = 1 + slope * slope;

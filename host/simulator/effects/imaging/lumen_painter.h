@@ -31,8 +31,8 @@ class LumenPainter {
   void AddTo(const Projection& projection, Plane& plane);
 
  private:
-  // Depth range in which the rays of a pixel run in dye: the fraction of rays that do, and the mean
-  // length over all rays.
+  // Depth range in which the rays of a pixel run in dye. It has the fraction of such rays, and the
+  // mean length over all rays.
   struct Stretch {
     float near_mm, far_mm, attenuation_1_mm, fraction, length_mm;
   };

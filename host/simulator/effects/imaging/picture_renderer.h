@@ -14,8 +14,8 @@
 namespace torquer::effects {
 
 /// Apparent line integral at a detector for the true one, `integral`; both relative to the mean of
-/// the body. `scatter_to_primary` is the ratio of scattered to other photons at that mean:
-/// -ln((e^-x + s) / (1 + s)), Beer and Lambert's law with an even background.
+/// the body. `scatter_to_primary` is the ratio s of scattered to other photons at that mean. The
+/// result is -ln((e^-x + s) / (1 + s)), Beer and Lambert's law with an even background.
 float WithScatter(float integral, float scatter_to_primary);
 
 /// Renders the frames of one fluoroscopy in their order, on any one thread.

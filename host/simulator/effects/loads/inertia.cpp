@@ -38,10 +38,10 @@ Inertia::Inertia(Settings settings, const EffectContext& context) : settings_(st
   }
 }
 
-// Mass per length for motion across the wire. It includes the instruments, the fluid in them, and
-// the added mass of a cylinder: as much outer fluid as they displace. So the fluid counts twice the
-// volume displaced by the outermost, because the instruments' own densities are reduced by their
-// displacement. An instrument in a lumen with room has the fluid mass that it would have alone.
+// Mass per length for motion across the wire. It includes the instruments, the fluid in them, and a
+// cylinder's added mass: as much outer fluid as displaced. The instruments' densities are reduced
+// by their displacement. So the fluid counts twice the volume that the outermost displaces. An
+// instrument in a lumen with room has the fluid mass that it would have alone.
 double Inertia::DensityAt(const PointSet& points, int q) const {
   double density_g_m = 0;
   const bool several = points.instruments.last - points.instruments.first > 1;

@@ -3,11 +3,11 @@
 // A part of a motion is at most 0.25 mm, or a tick in which the hands rest. It is one backward
 // Euler step of its duration dt: the energy is minimized together with
 //   m / (2 dt^2) |x - x0 - v dt|^2 + c / (2 dt) |x - x0|^2
-// at every point of the wire. x0 and v are position and velocity of the same material when the part
-// began. At the minimum m a = -grad E - c v holds at the end of the step; no unknown is added.
+// at every point of the wire. Here x0 and v are position and velocity of the same material when the
+// part began. At the minimum m a = -grad E - c v holds at the end of the step; no unknown is added.
 //
-// Position and velocity are stored by the distance from the tip, which is constant for a material
-// point while the wire is fed. At a fixed distance from the sheath the material changes, and the
+// Position and velocity are stored by the distance from the tip. This distance is constant for a
+// material point during a feed. At a fixed distance from the sheath the material changes, and the
 // acceleration would need convection terms. The part of the wire in the sheath is straight and
 // moves with the hand. Each curve stores its own material, by the distance from its own
 // tip.

@@ -10,7 +10,7 @@ struct EndLoad {
   Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< of constant direction
   /// Turns the last segment about `axis`. The energy is minus the moment times the angle about the
   /// axis, so the moment about it is constant. It fades if the segment is within 6 degrees of the
-  /// axis, because a segment along the axis cannot be turned about it.
+  /// axis. A segment along the axis cannot be turned about it.
   double moment_mJ = 0;
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  ///< unit
   double hold_N_mm = 0;                             ///< spring that pulls the end to `place_mm`

@@ -15,7 +15,7 @@ namespace {
 constexpr double kPathStepMm = 0.5;
 constexpr double kRetractionMm = 2;
 constexpr double kLookEveryS = 0.02;
-// Depth in a branch from which the tip has entered it: at its mouth the tip may only touch the
+// Depth in a branch from which the tip has entered it. At its mouth the tip may only touch the
 // wall.
 constexpr double kDeepMm = 5;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();

@@ -15,8 +15,8 @@ namespace {
 
 // The bend of a tip may reach an outlet before its end does.
 constexpr double kTipPartMm = 20;
-// Least part of a motion. An instrument so near to an outlet that it may not leave it yet moves at
-// most this far between two looks.
+// Least part of a motion. An instrument near an outlet that may not leave it yet moves at most this
+// far between two looks.
 constexpr double kLeastPartMm = 0.25;
 // An entry lies behind the outlet within so many radii, where the instrument came in.
 constexpr double kEntryRadii = 4;

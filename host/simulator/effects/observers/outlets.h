@@ -1,4 +1,4 @@
-// Outlets of the vessel. An instrument that reaches one leaves the model and is held there, as if
+// Outlets of the vessel. An instrument that reaches one leaves the model. It is held there, as if
 // its next part were in the vessels behind.
 #pragma once
 

@@ -39,8 +39,8 @@ void WallForce::Restart() {
   above_ = any_converged_ = false;
 }
 
-// Adds a contact. Its point stands for the wire from the middle of the piece beyond it to that of
-// the piece before it.
+// Adds a contact. Its point stands for the wire between the middles of the pieces beyond it and
+// before it.
 void WallForce::AddContact(const PointSet& points, int q, Contacts& contacts) {
   const auto p = static_cast<std::size_t>(q);
   const ClearanceSample& sample = points.clearance[p];

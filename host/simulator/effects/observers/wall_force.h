@@ -11,10 +11,11 @@ namespace torquer::effects {
 
 /// Normal forces of the last tick, and number and duration of the times above a threshold.
 ///
-/// The force of a contact is the force of a patch: the largest on any stretch of an instrument with
-/// the patch length of the scene. So it does not depend on the segmentation of the wire. A tick
-/// that did not converge shows its forces, but they count for no peak, event or impulse. Its time
-/// is counted separately. Peaks, events and impulse are NaN until a tick has converged.
+/// The force of a contact is the sum over a patch: a stretch of an instrument with the scene's
+/// patch length. The largest such sum counts. So it does not depend on the segmentation of the
+/// wire. A tick that did not converge shows its forces, but they count for no peak, event or
+/// impulse. Its time is counted separately. Peaks, events and impulse are NaN until a tick has
+/// converged.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
@@ -40,9 +41,8 @@ class WallForce final : public Effect, public Observer {
   /// Force per area on that patch: the line load over the width of the round wire in the wall. That
   /// width is 2 sqrt(2 r d - d^2) at the patch's mean depth d <= r.
   double pressure_kPa() const { return pressure_kPa_; }
-  /// Axial pressure at the tip, which may perforate a wall. It is the component along the wire's
-  /// axis of the forces on the last patch, over the area of the wire's end, pi r^2. Of two wires
-  /// beside each other, the larger one.
+  /// Axial pressure at the tip, which may perforate a wall. It is the last patch's axial force over
+  /// the area pi r^2 of the wire's end. Of two wires beside each other, the larger one.
   double tip_pressure_kPa() const { return tip_pressure_kPa_; }
   /// Largest force of a patch since the start; NaN if no tick has converged.
   double largest_ever_mN() const { return Counted(peak_mN_); }
