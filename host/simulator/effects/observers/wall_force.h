@@ -11,11 +11,10 @@ namespace torquer::effects {
 
 /// Normal forces of the last tick, and number and duration of the times above a threshold.
 ///
-/// The force of a contact is the sum over a patch: a stretch of an instrument with the scene's
-/// patch length. The largest such sum counts. So it does not depend on the segmentation of the
-/// wire. A tick that did not converge shows its forces, but they count for no peak, event or
-/// impulse. Its time is counted separately. Peaks, events and impulse are NaN until a tick has
-/// converged.
+/// The force of a contact is the sum over a patch: a stretch with the scene's patch length. The
+/// largest such sum counts. So it does not depend on the segmentation of the wire. A tick that did
+/// not converge shows its forces, but they count for no peak, event or impulse. Its time is counted
+/// separately. Peaks, events and impulse are NaN until a tick has converged.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
