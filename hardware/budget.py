@@ -1,7 +1,8 @@
 """Scale and errors of the hardware: the numbers in hardware/README.md.
 
-Every function is one formula, with its source beside it, in mm, N and rad, or degrees if its name ends so. Lengths are
-evaluated from the definitions in parts/bench_device.scad, so that the printed parts and this page share one derivation.
+Every function is one formula, with its source beside it. Units are mm, N and rad, or degrees if its name ends so.
+Lengths are evaluated from the definitions in parts/bench_device.scad, so that the printed parts and this page share one
+derivation.
 """
 
 import argparse
@@ -127,9 +128,9 @@ def offset_foreshortening(offset_mm: float, radius_mm: float) -> float:
 
 
 def brightness(x_mm: float, y_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
-    """Light on matt paper, `x_mm` along the cylinder and `y_mm` beside its crest: one ray from the LED, with Lambert's
-    cosine and the inverse square of the distance. The LED stands across the cylinder or along it. An infinite radius
-    is flat paper."""
+    """Light on matt paper, `x_mm` along the cylinder and `y_mm` beside its crest. It follows one ray from the LED, with
+    Lambert's cosine and the inverse square of the distance. The LED stands across the cylinder or along it. An infinite
+    radius is flat paper."""
     if math.isinf(radius_mm):
         normal, drop = (0.0, 0.0, 1.0), 0.0
     else:
@@ -151,9 +152,8 @@ def shading(half_view_mm: float, radius_mm: float, light_angle_rad: float, acros
 
 
 def focus_mm() -> dict[str, tuple[float, float]]:
-    """Smallest and largest distance of lens and surface: as printed without adjustment, and with
-    the height set to half a step. The cylinder rests on the floor of its bore, or is lifted to the
-    ceiling."""
+    """Smallest and largest distance of lens and surface, as printed without adjustment, and set to half a step. The
+    cylinder rests on the floor of its bore, or is lifted to the ceiling."""
     rest = MODEL["lens_plane"] - MODEL["crest_at_rest"]
     lifted = MODEL["lens_plane"] - MODEL["crest_lifted"]
     # The board's seat and the flat on the pipe have printed heights. The lens and the cylinder's radius vary too.
@@ -168,8 +168,8 @@ def focus_mm() -> dict[str, tuple[float, float]]:
 
 
 def height_errors(gain_per_mm: float, play_mm: float) -> tuple[float, float, float]:
-    """Error of a motion whose cylinder rises by `play_mm` after the calibration: as a fraction, in mm over the stroke,
-    and in degrees per turn. """
+    """Error of a motion whose cylinder rises by `play_mm` after the calibration. It is a fraction, mm over the
+    stroke, and degrees per turn."""
     share = gain_per_mm * play_mm
     return share, share * STROKE_MM, share * 360
 

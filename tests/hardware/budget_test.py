@@ -106,7 +106,8 @@ class Budget(unittest.TestCase):
         self.assertLess(heights["at rest"][0] - printed[0], reach)
 
     def test_light_against_a_lamp_over_flat_paper(self):
-        """Height h over the paper and distance a aside: h / (h2 + (a - x)2) ^ 1.5, and the ratio of the two ends."""
+        """Height h over the paper and distance a aside: h / (h2 + (a - x)2) ^ 1.5. The result is the ratio of both
+        ends."""
         for degrees in (45, 60, 69, 75):
             light = math.radians(degrees)
             a, h = 8 * math.sin(light), 8 * math.cos(light)
@@ -209,8 +210,8 @@ class Budget(unittest.TestCase):
             self.assertIn("|---|", budget.markdown(table))
 
     def test_the_height_of_the_cylinder_changes_the_counts_as_in_figure_12(self):
-        """Read off the figure: 5200 to 4800 counts an inch from 2.1 to 2.7 mm for the steepest surface, 5100 to 5020 for
-        the flattest. At 5000 cpi, a share of the nominal."""
+        """Read off the figure, from 2.1 to 2.7 mm. The steepest surface has 5200 to 4800 counts an inch, the flattest
+        5100 to 5020. At 5000 cpi, a share of the nominal."""
         steepest, flattest = (5200 - 4800) / 5000 / 0.6, (5100 - 5020) / 5000 / 0.6
         low, high = budget.HEIGHT_GAIN_PER_MM
         self.assertAlmostEqual(high, steepest, delta=0.005)

@@ -1,4 +1,5 @@
-"""Standard streams of the commands that are closed, full, limited or without a reader: no traceback, and a true exit status."""
+"""Standard streams of the commands that are closed, full, limited or without a reader. There is no traceback, and the
+exit status is true."""
 
 import os
 import resource

@@ -38,8 +38,8 @@ def name(labels: Dict[str, Any]) -> str:
 
 
 def marked(readings: Dict[str, Any]) -> Dict[str, Any]:
-    """Readings of a case with the reason why it is not valid: the wire left the model, or a row did not
-    converge. "" for a valid case."""
+    """Readings of a case with the reason why it is not valid, such as a row that did not converge. Empty for a valid
+    case."""
     reasons = []
     if readings.get("outside_lumen"):
         reasons.append("outside the lumen")

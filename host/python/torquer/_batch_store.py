@@ -10,9 +10,9 @@
 A case is stored once its line is written: its shapes are on the disk by then. A case that a killed
 run left half-written is not stored, and is run again.
 
-The mark is written only into an empty folder. A file is removed or overwritten only if the record
-has it: each shape by its key, each of the last three by the hash of its bytes. Symbolic links are
-not followed: every name is opened in its folder's descriptor.
+The mark is written only into an empty folder. A file is removed or overwritten only if the record has it. Shapes are
+recorded by their keys, the last three files by the hashes of their bytes. Symbolic links are not followed: every name
+is opened in its folder's descriptor.
 """
 
 from __future__ import annotations

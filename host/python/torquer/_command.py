@@ -1,5 +1,5 @@
-"""Common parts of the commands: optional packages, progress, completion, and an end that is correct even if a standard
-stream is closed, full, limited or without a reader."""
+"""Common parts of the commands: optional packages, progress, completion and exit. The exit is correct even if a
+standard stream is closed, full, limited or without a reader."""
 
 from __future__ import annotations
 

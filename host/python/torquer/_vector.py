@@ -38,13 +38,12 @@ Array = npt.NDArray[Any]
 class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
     """Many environments of one task that step in threads, with the interface of gymnasium.vector.
 
-    Each gives the same as a NavigationEnv with the same seed and actions, bit for bit, for any
-    number of threads. The step after the end of an episode only resets its environment, ignores the
-    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays. If "_safe_success" is
-    False, "safe_success" is unknown.
+    Each equals a NavigationEnv with the same seed and actions bit for bit, for any number of threads. The step after
+    the end of an episode only resets its environment. It ignores the action, and gives the reward 0 (Gymnasium's
+    autoreset mode NEXT_STEP). `info` has arrays. If "_safe_success" is False, "safe_success" is unknown.
 
-    step() is send() and recv(), which may be called separately. send() starts some of the
-    environments, and recv() returns those that finish first, while the others go on.
+    A step() is send() and recv(), which may be called separately. With send() some of the environments start. With
+    recv() those that finish first return, while the others go on.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": "NextStep"}
@@ -64,8 +63,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
     ) -> None:
         """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
         default. copy: True: observations of all environments are copies. False: the next step
-        overwrites them. observation, reward, end: as in NavigationEnv; the functions are called in the
-        thread that calls recv() or step(), for one environment after the other."""
+        overwrites them. observation, reward, end: as in NavigationEnv. The functions are called in the thread that
+        calls recv() or step(), for one environment after the other."""
         count = whole("count", count, 1, 100_000)
         if threads is not None:
             threads = whole("threads", threads, 1, 1024)
@@ -228,9 +227,9 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             self._start(int(k), None, None)
 
     def recv(self, count: Optional[int] = None) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
-        """Results of the `count` environments that finish first, or of all that are at work: observations, rewards,
-        terminated, truncated and info, in the order of info["env_id"]. If an environment fails, this waits for all, and
-        raises the error."""
+        """Results of the `count` environments that finish first, or of all that are at work. They are observations,
+        rewards, terminated, truncated and info, in the order of info["env_id"]. If an environment fails, this waits for
+        all, and raises the error."""
         if not self._at_work.any():
             raise Error("no environment is running; call send() with actions first")
         if count is not None:

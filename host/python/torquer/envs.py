@@ -54,20 +54,19 @@ class NavigationEnv(Env):  # type: ignore[misc]
     Actions: feed and turn of each instrument, -1 .. 1 as fractions of the limits in Task; shape
     (2 * instruments,), float32.
 
-    Observations "vector", float32, in mm unless stated otherwise. They have the last points of the
-    task's instrument about 5 mm apart, the next points of the route about 5 mm apart, and the
-    target. All of these are relative to the tip of that instrument. Then follow the insertions, cosines and
-    sines of the rotations of all instruments. Observations "picture": the X-ray picture of
-    [effects.fluoroscopy], shape (height, width, 1), uint8. ("vector", "picture") gives both in a dict.
-    The finite bounds of the space are valid for all motions.
+    Observations "vector", float32, in mm unless stated otherwise. They have the last points of the task's instrument,
+    the next points of the route, and the target. Points are about 5 mm apart. All of these are relative to the tip of
+    that instrument. Then follow the insertions, cosines and sines of the rotations of all instruments. Observations
+    "picture": the X-ray picture of [effects.fluoroscopy], shape (height, width, 1), uint8. ("vector", "picture") gives
+    both in a dict. The finite bounds of the space are valid for all motions.
 
     Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has "success" (the
-    target was reached), "safe_success" (success without a force above the limit; None if forces of steps without
-    convergence decide it), "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, "time_s", and the
-    "target", a centerline, with its "target_at_mm".
+    target was reached) and "safe_success" (success without a force above the limit). If forces of steps without
+    convergence decide "safe_success", it is None. `info` also has "wall_force_mN", "path_mm" of the tip, "remaining_mm"
+    along the route and "time_s". The "target" is a centerline, with its "target_at_mm".
 
-    reward: a function of a Moment whose result replaces that reward. end: a function of a Moment; if it
-    returns True, the episode has terminated, as it has at the target.
+    reward: a function of a Moment whose result replaces that reward. end: a function of a Moment. If it returns True,
+    the episode has terminated, as at the target.
     """
 
     metadata = {"render_modes": RENDER_MODES, "render_fps": 10}
@@ -122,8 +121,9 @@ class NavigationEnv(Env):  # type: ignore[misc]
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[Any, Dict[str, Any]]:
-        """Returns to the start. options: "rotation_rad", the start rotation of the task's instrument; "target", a pair
-        of a centerline and at_mm from the task's targets. Without them, both are random, by the seed."""
+        """Returns to the start. Options are "rotation_rad", the start rotation of the task's instrument, and "target".
+        A target is a pair of a centerline and at_mm from the task's targets. Without them, both are random, by the
+        seed."""
         options = check_options(options, ["rotation_rad", "target"])
         chosen = chosen_rotation(options)
         chosen_target = self._targets.chosen(options)
@@ -154,8 +154,8 @@ class NavigationEnv(Env):  # type: ignore[misc]
         return self._observe(), reward, terminated, facts[2] != 0 and not terminated, info
 
     def render(self) -> Optional[Array]:
-        """With render_mode "rgb_array": the X-ray picture as RGB, shape (height, width, 3), or a view
-        of the wire in the vessel if the scene has no X-ray. "human" shows it at each step."""
+        """With render_mode "rgb_array": the X-ray picture as RGB, shape (height, width, 3). If the scene has no X-ray,
+        it is a view of the wire in the vessel. Mode "human" shows it at each step."""
         return self._draw() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:

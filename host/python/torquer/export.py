@@ -327,8 +327,8 @@ def _write_series(states: Sequence[State], path: pathlib.Path) -> None:
 def write(states: Sequence[State], path: Path) -> str:
     """Writes states in the format of the path's ending, and returns a description.
 
-    .pvd: a series for ParaView, with a .vtp for each state in the folder of the same name, which
-    must not exist yet. .csv: a row for each node. .vtp and .mrk.json: only the last state. For instruments on several
+    A .pvd is a series for ParaView, with a .vtp for each state in the folder of the same name. This folder must not
+    exist yet. A .csv has a row for each node. A .vtp or .mrk.json has only the last state. For instruments on several
     curves, .mrk.json has the curve that reaches farthest; the other formats have all curves.
     """
     path = pathlib.Path(path)

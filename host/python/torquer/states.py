@@ -27,9 +27,9 @@ _AGAIN = "write the file again with torquer-simulator --states"
 class States(Mapping[str, Union[Array, List[Array]]]):
     """The states of a run, field by field.
 
-    states["time_s"] has the shape (rows,). A field of the wire's nodes is a list with an array for
-    each row, because their number changes: states["nodes_mm"][k] has the shape (nodes, 3),
-    states["tension_mN"][k] the shape (nodes,).
+    states["time_s"] has the shape (rows,). A field of the wire's nodes is a list with an array for each row, because
+    their number changes. So `states["nodes_mm"][k]` has the shape (nodes, 3), `states["tension_mN"][k]` the shape
+    (nodes,).
     """
 
     def __init__(self, fields: Dict[str, Union[Array, List[Array]]], units: Dict[str, str], rows: int) -> None:

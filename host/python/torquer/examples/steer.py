@@ -3,8 +3,8 @@
     lcm-gen -p --ppath build/lcm_python protocol/lcm/*.lcm
     PYTHONPATH=build/lcm_python /usr/bin/python3 host/python/torquer/examples/steer.py
 
-Debian has no Python binding of LCM. A message that fits one datagram is "LC02", a number, the
-channel and the encoded type (docs of LCM: UDP multicast protocol). ttl 0 stays on this machine.
+Debian has no Python binding of LCM. A message that fits one datagram is "LC02", a number, the channel and the encoded
+type. (Docs of LCM: UDP multicast protocol.) With ttl 0 it stays on this machine.
 """
 
 import socket

@@ -1,7 +1,7 @@
-"""Trains a policy to steer a wire into the first diagonal branch of a beating heart, by proximal policy optimization
-(Schulman et al. 2017) with generalized advantages, in PyTorch (Debian's python3-torch). The policy is then tested in 30
-unseen episodes, at the accuracy of the training and of the task. The script prints the number of episodes that reach
-the target, and of those that do so safely. A hand that only pushes is tested, too.
+"""Trains a policy to steer a wire into the first diagonal branch of a beating heart. The method is proximal policy
+optimization (Schulman et al. 2017) with generalized advantages, in PyTorch (Debian's python3-torch). The policy is then
+tested in 30 unseen episodes, at the accuracy of the training and of the task. The script prints the number of episodes
+that reach the target, and of those that do so safely. A hand that only pushes is tested, too.
 
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.train_ppo [PICTURE [UPDATES [SEED]]]
 """

@@ -43,8 +43,8 @@ def smooth(clicks: Array, count: int = _SAMPLES) -> Array:
 def _matched(pair: Pair, first: Array, second: Array) -> Tuple[Any, Any]:
     """Numbers of matching samples, from the tips to where one picture ends.
 
-    Least sum of squared offsets over all ways on which neither picture goes back (dynamic time
-    warping: Sakoe and Chiba, IEEE Trans ASSP 1978;26:43).
+    Least sum of squared offsets over all ways on which neither picture goes back. This is dynamic time warping (Sakoe
+    and Chiba, IEEE Trans ASSP 1978;26:43).
     """
     slope = float(np.median(np.abs(pair.per_row(0, first))))
     apart = (pair.angles(0, first)[:, None] - pair.angles(1, second)[None, :]) / slope

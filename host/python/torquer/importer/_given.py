@@ -112,8 +112,8 @@ def _polydata(path: str, header: bytes, faults: List[str]) -> Any:
 def read_lines(path: Path, mesh_unit: str, space: str, root_mm: Optional[Any]) -> Tuple[List[Curve], List[str]]:
     """Tree of the lines in a .vtp of VMTK, and sentences about it.
 
-    Lines may share their trunk, as from vmtkcenterlines, or end where they branch. The tree begins at the free end that
-    is nearest to root_mm, or at the first point of the first line.
+    Lines may share their trunk, as from vmtkcenterlines, or end where they branch. The tree begins at the free end
+    nearest to root_mm, or at the first point of the first line.
     """
     read = read_vtp(path)
     lines = without_trunks(read)

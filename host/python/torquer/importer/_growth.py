@@ -1,4 +1,4 @@
-"""Growth of regions voxel by voxel, from their surfaces, so that its time goes with the region and not with the scan."""
+"""Growth of regions voxel by voxel, from their surfaces. So the time grows with the region, not with the scan."""
 
 from __future__ import annotations
 

@@ -3,9 +3,9 @@
     curves = torquer.importer.centerlines.find(mesh)
     curves[0]    from the root to the farthest tip; each other one begins on its parent
 
-The nodes of the graph are the circumcenters of a Delaunay triangulation of points on the surface, as
-in VMTK (Antiga et al., IEEE Trans. Med. Imaging 22:674, 2003), and its edges their neighborhoods. Ways
-are shortest for the length over the squared radius.
+The nodes of the graph are circumcenters of a Delaunay triangulation of points on the surface. VMTK does the same
+(Antiga et al., IEEE Trans. Med. Imaging 22:674, 2003). Edges join neighboring nodes. Ways are shortest for the length
+over the squared radius.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class _Graph:
 
 
 def _branches(graph: _Graph, root: int) -> List[Tuple[Indices, Optional[int]]]:
-    """Nodes of each branch, from its place on an earlier one or the root to its tip; and that earlier one."""
+    """Nodes of each branch, from its place on an earlier one (or the root) to its tip. Also that earlier branch."""
     spatial = need("scipy.spatial")
     before, lengths = graph.tree(root)
     nodes = spatial.cKDTree(graph.points)

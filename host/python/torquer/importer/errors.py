@@ -2,9 +2,9 @@
 
     python3 -m torquer.importer.errors [SCENE ..] [--voxels 0.4,0.7,1]
 
-Makes a CT angiography of a scene's lumen with bone, partial volume, blur and noise, imports it as the
-command does, and prints a row of the table for each voxel size. The wire's runs start at the same end
-of the vessel in both. They push it at nine pairs of a first turn and an offset of the insertion.
+Makes a CT angiography of a scene's lumen with bone, partial volume, blur and noise. Imports it as the command does, and
+prints a row of the table for each voxel size. The wire's runs start at the same end of the vessel in both. They push it
+at nine pairs of a first turn and an offset of the insertion.
 """
 
 from __future__ import annotations

@@ -249,9 +249,9 @@ def wall_picture(
 ) -> Tuple[npt.NDArray[np.float32], npt.NDArray[np.intp]]:
     """Picture whose level 0.5 is the wall, in the box of the lumen, and the box's first (column, row, slice).
 
-    It is the height above the tissue, divided by the height of the vessel, which is the largest one nearby, up to the
-    lumen's level. So a thin vessel is cut at half the height that it reaches. Bone and all that is not next to the
-    label lie below the level.
+    It is the height above the tissue, divided by the height of the vessel. The vessel's height is the largest one
+    nearby, up to the lumen's level. So a thin vessel is cut at half the height that it reaches. Bone and all that is
+    not next to the label lie below the level.
     """
     ndimage = need("scipy.ndimage")
     where = ndimage.find_objects((label == LUMEN).view(np.uint8))[0]

@@ -73,8 +73,8 @@ def is_image(path: Path) -> bool:
 def read(path: Path, series: Optional[int] = None) -> Scan:
     """Reads a folder of DICOM files, or a NIfTI, NRRD or MetaImage file.
 
-    series: number of the series in a folder with several, from 1, in the order of the message that
-    lists them. Raises Error naming the file, the defect and the remedy.
+    series: number of the series in a folder with several, from 1. The order is that of the message that lists them.
+    Raises Error naming the file, the defect and the remedy.
     """
     path = os.fspath(path)
     if not os.path.lexists(path):
