@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
-#include <limits>
 
 #include "host/simulator/core/stack/pair_order.h"
 
@@ -17,7 +16,6 @@ FrontSchedule::FrontSchedule(int curves, std::size_t segments,
   std::size_t operations = segments * static_cast<std::size_t>(curves);
   of_groups_.resize(between.size());
   left_.resize(between.size());
-  near_.resize(between.size());
   std::size_t crossings = 0;
   for (std::size_t k = 0; k < between.size(); ++k) {
     const std::size_t groups = between[k].groups.capacity();
@@ -25,7 +23,6 @@ FrontSchedule::FrontSchedule(int curves, std::size_t segments,
     // A contact that crosses opens and closes a block, or has two ends.
     operations += between[k].ordered ? groups : 3 * groups;
     if (between[k].ordered) continue;
-    near_[k].reserve(groups);
     crossings += groups;
   }
   operations_.reserve(operations);
@@ -66,21 +63,15 @@ void FrontSchedule::FindCommon(const WireState& state, const QuadraticModel& qua
   }
 }
 
-// Collects the groups of curves that cross. Only those with springs or slides can act.
+// Collects the groups of curves that cross and have terms. The others take no rows; one of them
+// that begins to act changes the order.
 void FrontSchedule::FindCrossings(const QuadraticModel& quadratic) {
   for (std::vector<Crossing>& of : crossings_) of.clear();
   for (std::size_t k = 0; k < quadratic.between.size(); ++k) {
     const BetweenCurves& between = quadratic.between[k];
     if (between.ordered) continue;
-    near_[k].assign(between.groups.size(), 0);
-    for (const BetweenCurves::Spring& spring : between.springs) {
-      near_[k][static_cast<std::size_t>(spring.group)] = 1;
-    }
-    for (const BetweenCurves::Slide& slide : between.slides) {
-      near_[k][static_cast<std::size_t>(slide.group)] = 1;
-    }
     for (std::size_t g = 0; g < between.groups.size(); ++g) {
-      if (near_[k][g] == 0) continue;
+      if (!between.terms[g].any) continue;
       const SegmentPair& on = between.groups[g];
       const auto pair = static_cast<int>(k);
       const auto group = static_cast<int>(g);
@@ -168,9 +159,6 @@ void FrontSchedule::Cross(int curve, int segment, const QuadraticModel& quadrati
     operation.index = crossing.group;
     operation.block = block;
     if (block >= 0) operation.surface = SurfaceOf(block, crossing, quadratic);
-    int& of_group = of_groups_[static_cast<std::size_t>(crossing.pair)]
-                              [static_cast<std::size_t>(crossing.group)];
-    of_group = std::min(of_group, static_cast<int>(operations_.size()) - 1);
     if (block < 0 && !crossing.ends) Divide(crossing);
   }
 }
@@ -201,7 +189,7 @@ void FrontSchedule::Make(const WireState& state, const QuadraticModel& quadratic
   FindCommon(state, quadratic);
   cuts_ = common_;
   for (std::size_t k = 0; k < between.size(); ++k) {
-    of_groups_[k].assign(between[k].groups.size(), std::numeric_limits<int>::max());
+    of_groups_[k].assign(between[k].groups.size(), 0);
     left_[k] = between[k].ordered ? static_cast<int>(between[k].groups.size()) : 0;
   }
   for (std::size_t k = NextPair(between, left_); k < between.size(); k = NextPair(between, left_)) {
@@ -218,13 +206,6 @@ void FrontSchedule::Make(const WireState& state, const QuadraticModel& quadratic
   }
   for (int c = 0; c < state.curves(); ++c) AdvanceTo(c, 0, quadratic);
   assert(open_ == 0);
-  // Groups of curves that cross come in any order.
-  for (std::size_t k = 0; k < between.size(); ++k) {
-    if (between[k].ordered) continue;
-    for (std::size_t g = 1; g < of_groups_[k].size(); ++g) {
-      of_groups_[k][g] = std::min(of_groups_[k][g], of_groups_[k][g - 1]);
-    }
-  }
 }
 
 }  // namespace torquer

@@ -63,7 +63,7 @@ class FrontSchedule {
     return of_segments_[static_cast<std::size_t>(curve)][static_cast<std::size_t>(segment)];
   }
   /// Number of the first operation that depends on a group of QuadraticModel::between[pair] or on
-  /// one before it.
+  /// one before it. 0 for curves that cross: the order depends on the groups that act.
   int OperationOfGroup(int pair, int group) const {
     return of_groups_[static_cast<std::size_t>(pair)][static_cast<std::size_t>(group)];
   }
@@ -119,7 +119,6 @@ class FrontSchedule {
   std::vector<std::vector<int>> of_segments_;     // by curve
   std::vector<std::vector<int>> of_groups_;       // by pair of curves
   std::vector<int> left_;                         // by pair: groups that are not ordered yet
-  std::vector<std::vector<std::uint8_t>> near_;   // by pair and group of curves that cross
   std::vector<std::vector<Crossing>> crossings_;  // by curve, ascending by segment
   std::vector<int> next_crossing_;                // by curve: number of those not passed
 };

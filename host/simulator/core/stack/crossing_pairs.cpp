@@ -2,7 +2,10 @@
 // curve may also cross itself.
 //
 // A place may face several segments, in any order. In a coil, each turn faces the turns around it.
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
+#include <vector>
 
 #include "host/simulator/core/stack/lumen_pairs.h"
 #include "host/simulator/core/stack/pair_builder.h"
@@ -45,6 +48,37 @@ void ForEachFacing(const WireModel& rod, const Curve& curve, const Vector3d& poi
   }
 }
 
+// Segments of a curve that can face its own earlier places. A curve that has turned by less than a
+// right angle since a place, all turns added, faces it nowhere.
+class TurnedBack {
+ public:
+  explicit TurnedBack(const Curve& curve) : tangents_(curve.tangents()) {}
+
+  // First segment that can face a place of a segment. Segments must ascend one by one.
+  int From(int segment) {
+    if (segment > 0 && first_ >= segment) turned_rad_ -= MostTurnRad(segment - 1);
+    first_ = std::max(first_, segment);
+    const int last = static_cast<int>(tangents_.size()) - 1;
+    while (first_ < last && turned_rad_ + MostTurnRad(first_) < kLeastRad) {
+      turned_rad_ += MostTurnRad(first_++);
+    }
+    return std::max(first_ + 1, segment + kApart);
+  }
+
+ private:
+  static constexpr double kLeastRad = 1.5;
+
+  // Bound of the angle between a tangent and the next one: an arc is at most pi/2 chords.
+  double MostTurnRad(int segment) const {
+    const auto i = static_cast<std::size_t>(segment);
+    return M_PI / 2 * (tangents_[i + 1] - tangents_[i]).norm();
+  }
+
+  const std::vector<Vector3d>& tangents_;
+  int first_ = 0;          // last segment that cannot face the place
+  double turned_rad_ = 0;  // from the place's segment to it
+};
+
 // Places of curves beside each other that are in order, from the sheath on.
 class InOrder {
  public:
@@ -72,9 +106,11 @@ void CurvePairs::FindCrossing(const InstrumentStack& stack, const WireState& sta
                   inner, outer,         with_spots_,          out};
   const bool itself = out.inner == out.outer;
   InOrder in_order(PairsOf(out.inner, out.outer));
+  TurnedBack turned_back(inner);
   for (int i = 0; i < inner.segments(); ++i) {
+    const int from = itself ? turned_back.From(i) : 0;
+    if (from >= outer.segments()) break;
     for (int k = 0; k < out.pieces_per_segment; ++k) {
-      const int from = itself ? i + kApart : 0;
       ForEachFacing(add.outer_rod, outer, add.MiddleOf(i, k), from, [&](int m) {
         if (!itself && !IsHeadOn(inner, i, outer, m) &&
             in_order.Faces(i * out.pieces_per_segment + k, m)) {
