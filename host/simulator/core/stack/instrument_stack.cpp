@@ -152,6 +152,7 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
     combined_.push_back(EmptyRod(owned_, OnCurve(c).first));
     rods_.push_back(combined_.back().get());
   }
+  members_.resize(combined_.size());
   joints_.resize(static_cast<std::size_t>(rod().max_segments()) + 1);
   if (instrument(0).twists()) twisting_.resize(joints_.size());
   Combine(InstrumentPoses(size()));
@@ -275,10 +276,13 @@ int InstrumentStack::Gather(const InstrumentPoses& poses, Range range, double en
 }
 
 void InstrumentStack::Combine(const InstrumentPoses& poses) {
-  Members members;
   for (std::size_t c = 0; c < combined_.size(); ++c) {
     const int curve = static_cast<int>(c);
+    Members members;
     const int count = Gather(poses, OnCurve(curve), Reach(curve, poses), members);
+    // Instruments that move as one keep their rod.
+    if (members == members_[c]) continue;
+    members_[c] = members;
     CombineRod(members, OnCurve(curve).first, count, *combined_[c]);
   }
 }

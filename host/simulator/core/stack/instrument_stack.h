@@ -122,6 +122,8 @@ class InstrumentStack {
     std::size_t instrument = 0;
     double behind_mm = 0;
     Eigen::Vector2d turn = {1, 0};
+
+    bool operator==(const Member&) const = default;
   };
   using Members = std::array<Member, kMostInstruments>;
 
@@ -139,6 +141,7 @@ class InstrumentStack {
   std::vector<std::unique_ptr<WireModel>> combined_;  // by curve; empty for a lone wire
   std::vector<const WireModel*> rods_;                // by curve
   std::vector<Range> ranges_;                         // by curve
+  std::vector<Members> members_;  // by curve: of its rod
   std::vector<WireModel::Joint> joints_;
   std::vector<WireModel::TwistingJoint> twisting_;  // empty without twist
   Clearance clearance_;
