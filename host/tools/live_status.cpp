@@ -162,7 +162,8 @@ std::string LiveStatus::Instruments(std::int64_t now_us) const {
   return text + " | " +
          (now_us - state_heard_us_ < kStateOldUs
               ? StatusWords(state_->status) + ForceText(readings_)
-              : "simulator silent for " + Age(state_heard_us_, now_us) + ", values are its last");
+              : "simulator silent for " + Age(state_heard_us_, now_us) +
+                    ", showing its last values");
 }
 
 std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {

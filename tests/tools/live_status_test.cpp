@@ -181,7 +181,7 @@ TEST_CASE("Values that no longer arrive are shown as old, not as current") {
   CHECK_THAT(status.Line(1, kNowUs + 900'000), Catch::Contains("| ok | device running |"));
   const std::string later = status.Line(1, kNowUs + 5'000'000);
   CHECK_THAT(later, Catch::Contains("| guidewire 451.25 mm, +90 deg | simulator silent for 5 s, "
-                                    "values are its last | device silent for 5 s |"));
+                                    "showing its last values | device silent for 5 s |"));
   CHECK_THAT(later, !Catch::Contains("ok") && !Catch::Contains("running"));
   // One daemon is back, the second one is not.
   status.Add(health, kNowUs + 5'000'000);
