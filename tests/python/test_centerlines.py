@@ -164,7 +164,7 @@ def test_a_shared_trunk_appears_once(tmp_path):
     )
     done = convert(tmp_path / "a.vtp", tmp_path / "curves", "--unit", "cm")
     assert done.returncode == 0, done.stderr
-    assert "2 centerlines, 37 points in cm; 42 points of trunks that lines share stand once" in done.stdout
+    assert "2 centerlines, 37 points in cm; 42 repeated points of shared trunks were left out" in done.stdout
     curves = curves_in(tmp_path / "curves")
     assert curves["line_1"] == first
     assert curves["line_2"] == second[-11:]

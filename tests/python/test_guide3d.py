@@ -259,6 +259,6 @@ def test_the_command_refuses_what_it_does_not_know(tmp_path):
 
     assert "nowhere: has no 3d.json" in run("guide3d", "nowhere")
     assert "leave it out after guide3d" in run("guide3d", "nowhere", "--unit", "cm")
-    assert "a third name is for guide3d alone" in run("a.jsonl", "b.csv", "c")
+    assert "only guide3d takes a third name" in run("a.jsonl", "b.csv", "c")
     (tmp_path / "guide3d-shapes").mkdir()
     assert "guide3d-shapes: exists already" in run("guide3d", ".")

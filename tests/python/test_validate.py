@@ -134,7 +134,7 @@ def test_a_known_wire_is_found_within_its_noise(fork, truth, fitted):
     assert fits.largest_apart_mm(done.curves["wire_pushed"], nodes) < 4 * NOISE_MM
     assert fits.largest_apart_mm(done.curves["wire_laid"], nodes) < 4 * NOISE_MM
     assert row.compared_mm > 45 and row.points >= 14
-    # Ways that know nothing of a wire lie farther off.
+    # Ways without a model of a wire lie farther off.
     assert min(rows["middle"].rms_mm, rows["shortest"].rms_mm) > 1.5 * row.rms_mm
 
 
@@ -185,7 +185,7 @@ def test_ways_of_a_torus_have_their_closed_forms():
 
 
 def test_a_straight_wire_lies_on_the_outer_wall_of_a_torus():
-    """Closed form: a long wire without rest curvature has the least curvature on the outer wall, at R + r less its radius.
+    """Closed form: a long wire without rest curvature bends least on the outer wall, at R + r less its radius.
 
     It touches that wall some way from its ends, where it leaves it.
     """

@@ -57,7 +57,7 @@ def _scene_folder() -> pathlib.Path:
         for candidate in (folder / "share/torquer/scenes", folder / "host/scenes"):
             if candidate.is_dir():
                 return candidate
-    raise Error(f"{package}: there are no scenes near the package; install share/torquer")
+    raise Error(f"{package}: there are no scenes beside the package; install the folder share/torquer")
 
 
 def scene_names() -> list[str]:

@@ -44,11 +44,11 @@ def main() -> int:
             target = arguments.shapes or "guide3d-shapes"
             written = guide3d.convert(arguments.target, target)
         elif arguments.shapes:
-            raise Error(f"{arguments.shapes}: a third name is for guide3d alone; leave it out")
+            raise Error(f"{arguments.shapes}: only guide3d takes a third name; leave it out")
         elif arguments.source.endswith(".vtp"):
             written = centerlines.convert(arguments.source, arguments.target, arguments.unit or "mm")
         elif arguments.unit:
-            raise Error(f"--unit {arguments.unit} is for centerlines in a .vtp, but {arguments.source} is none; leave it out")
+            raise Error(f"--unit {arguments.unit} is for centerlines in a .vtp, but {arguments.source} is no .vtp; leave it out")
         else:
             written = export.write(export.read_states(arguments.source), arguments.target)
     except Error as error:

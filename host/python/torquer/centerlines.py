@@ -363,5 +363,5 @@ def convert(
         {f"line_{k}.mrk.json": slicer_curve(line.points, line.radii, unit, None) for k, line in enumerate(lines, 1)},
     )
     before, after = (sum(len(line.points) for line in some) for some in (read, lines))
-    shared = f"; {before - after} points of trunks that lines share stand once" if after < before else ""
+    shared = f"; {before - after} repeated points of shared trunks were left out" if after < before else ""
     return f"{len(lines)} centerlines, {after} points in {unit}{shared}"

@@ -63,7 +63,7 @@ def _lines(fits: list[Fit]) -> list[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="torquer-validate",
-        description="Compares measured shapes of a wire with those that a scene gives, and with ways that know nothing of a wire.",
+        description="Compares measured shapes of a wire with those that a scene gives, and with ways through the lumen without a model of a wire.",
         epilog=f"Methods of the table: {'; '.join(f'{name} ({said})' for name, said in METHODS.items())}.",
     )
     parser.add_argument("--version", action="version", version=f"torquer-validate {__version__}")

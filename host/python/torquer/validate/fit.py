@@ -18,7 +18,7 @@ from .shapes import Curve, Shape
 METHODS = {
     "wire_pushed": "wire, tip free: pushed in from the entry at one rotation",
     "wire_laid": "wire, tip in the measured branch: laid along the middle of the lumen to the measured tip, then free",
-    "wire_held": "wire, tip given: laid so too, its tip held at the measured tip by a spring",
+    "wire_held": "wire, tip given: laid in the same way, its tip held at the measured tip by a spring",
     "middle": "baseline: middle of the lumen to the measured tip",
     "shortest": "baseline: shortest way in the lumen to the measured tip",
 }
@@ -142,8 +142,8 @@ def with_name(scene: Scene) -> Scene:
 def measure(shape: Shape, lumen: Lumen) -> Measured:
     """Entry, direction and length by the choosing points and the tip alone.
 
-    The entry is the first place at which the wire has 0.2 mm of room there and over the next 2 mm.
-    Its direction is that over the next 10 mm.
+    The entry is the first place with 0.2 mm of room for the wire, also over the next 2 mm. Its direction is that over
+    the next 10 mm.
     """
     curve = Curve(shape)
     room = lumen.depth_mm(curve.points) >= lumen.radius_mm + _ROOM_MM

@@ -23,21 +23,21 @@ RULES = (
     "The points of a shape have the numbers 0, 1, 2, .. in the order of the file. The even ones choose a fit, the odd ones "
     "give its figures. The last point, the tip, is in neither half: it gives the measured length and the goal of the ways.",
     "A smooth curve through the even points and the tip gives length, entry, direction and noise. The entry is its first "
-    "place where the wire has 0.2 mm of room, there and over the next 2 mm. Its direction is that over the next 10 mm. All points behind the entry are compared.",
+    "place where the wire has 0.2 mm of room, there and over the next 2 mm. Its direction is taken over the next 10 mm. All points behind the entry are compared.",
     f"The rotation is searched on a grid of {ROTATIONS} and at {REFINED_DEG[0]:+g} and {REFINED_DEG[1]:+g} degrees from the best one. "
     f"The inserted length is the measured one, and longer by {', '.join(f'{100 * more:g}' for more in LONGER[1:])} %. "
     "The fit has the least RMS distance from the even points.",
-    "A distance is that between a measured point and the point of the wire at the same share of the length from the entry. "
-    "nearest_rms_mm has the distances from the nearest points of the wire instead.",
+    "A distance is between a measured point and the point of the wire at the same fraction of the length from the entry. "
+    "nearest_rms_mm uses distances to the nearest points of the wire instead.",
     "A run is refused if the wire is shorter than the measured length by more than the noise of both ends (at most 1 %), if it "
     "is outside the lumen, or if it did not converge.",
     f"wire_held: a spring of {HOLD_N_MM:g} N/mm holds the tip at the measured tip, moved into the lumen if it lies outside. "
-    "hold_mN is its force, so it tells how far the wire is from an equilibrium there.",
-    f"Others: runs with the inserted length of the fit, at all rotations; for wire_pushed and wire_laid, of both. apart_runs "
-    f"lie more than {APART_MM:g} mm away somewhere. equilibria counts groups that are so far apart, with that of the fit. "
+    "hold_mN is the force of the spring: 0 would be an equilibrium without it.",
+    f"Other runs have the inserted length of the fit and all rotations; for wire_pushed and wire_laid, both are counted. "
+    f"apart_runs differ from the fit by more than {APART_MM:g} mm somewhere. equilibria counts shapes that are so far apart. "
     "other_branch_runs end farther from the measured tip, through the lumen, than 5 mm and 4 radii of the lumen. "
     f"alike_runs are apart, and their RMS distance from the even points is at most {ALIKE:g} times that of the fit.",
-    "middle, shortest: ways through the lumen from the entry to the measured tip, which know nothing of a wire.",
+    "middle, shortest: ways through the lumen from the entry to the measured tip, without a model of a wire.",
 )
 _FIGURES = ("rms_mm", "nearest_rms_mm", "largest_mm", "tip_mm")
 _COLORS = {"wire_pushed": "tab:orange", "wire_laid": "tab:green", "wire_held": "tab:red", "middle": "0.5", "shortest": "tab:purple"}
