@@ -44,20 +44,46 @@ std::vector<std::string> Split(const std::string& line) {
   throw UserError(fmt::format("{}:{}: {}", path, line, problem));
 }
 
+// Refuses a line that spreadsheets write in other forms than CSV, by the name of its form.
+void CheckForm(const std::string& path, int number, const std::string& line) {
+  if (number == 1 && (line.starts_with("\xff\xfe") || line.starts_with("\xfe\xff"))) {
+    Refuse(path, number, "the text is UTF-16; save the file as UTF-8 (in Excel: CSV UTF-8)");
+  }
+  if (line.find('\r') != std::string::npos) {
+    Refuse(path, number,
+           "carriage returns alone end the lines; save the file with line feeds (in Excel: CSV "
+           "UTF-8)");
+  }
+}
+
+// Refuses a header with one column whose name has other separators than commas.
+void CheckSeparator(const std::string& path, int number, const std::string& name) {
+  for (const auto& [separator, plural] : {std::pair(';', "semicolons"), std::pair('\t', "tabs")}) {
+    if (name.find(separator) == std::string::npos) continue;
+    Refuse(path, number,
+           fmt::format("{} separate the columns; save the file with commas between columns and "
+                       "decimal points in numbers",
+                       plural));
+  }
+}
+
+// True for the line "sep=," that tells Excel the separator.
+bool NamesSeparator(const std::string& line) {
+  return line.size() == 5 && line.starts_with("sep=");
+}
+
 // Adds a line to the table as its header, or returns it as a row. `header`: required first line; ""
-// for any.
+// for any. Skips rows with empty cells only, which spreadsheets add.
 std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
                                const std::string& header) {
   if (number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
   if (!line.empty() && line.back() == '\r') line.pop_back();
   if (line.empty() || line[0] == '#') return std::nullopt;
+  CheckForm(table.path, number, line);
   std::vector<std::string> cells = Split(line);
   if (table.header_line == 0) {
-    if (cells.size() == 1 && line.find(';') != std::string::npos) {
-      Refuse(table.path, number,
-             "semicolons separate the columns; save the file with commas between columns and "
-             "decimal points in numbers");
-    }
+    if (NamesSeparator(line)) return std::nullopt;
+    if (cells.size() == 1) CheckSeparator(table.path, number, cells.front());
     if (!header.empty() && cells != Split(header)) {
       Refuse(table.path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
     }
@@ -69,6 +95,9 @@ std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
     }
     table.header_line = number;
     table.columns = std::move(cells);
+    return std::nullopt;
+  }
+  if (std::all_of(cells.begin(), cells.end(), [](const auto& cell) { return cell.empty(); })) {
     return std::nullopt;
   }
   if (cells.size() != table.columns.size()) {
@@ -86,7 +115,11 @@ void CheckHeader(const CsvTable& table, const std::string& header) {
                           : fmt::format("empty; the first line must be '{}'", header));
   }
   for (std::size_t k = 0; k < table.columns.size(); ++k) {
-    if (table.columns[k].empty()) Refuse(table.path, table.header_line, "a column has no name");
+    if (table.columns[k].empty()) {
+      Refuse(table.path, table.header_line,
+             fmt::format("column {} has no name; name it or remove it (in R: row.names = FALSE)",
+                         k + 1));
+    }
     if (table.Find(table.columns[k]) == k) continue;
     Refuse(table.path, table.header_line,
            fmt::format("the column {} appears twice", table.columns[k]));

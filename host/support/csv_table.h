@@ -15,9 +15,10 @@ struct CsvRow {
   std::vector<std::string> cells;
 };
 
-/// Reads a CSV file whose first line must be exactly `header`. Cells have no quotes; blank lines
-/// and lines that begin with # are skipped. Every row has as many cells as the header. Throws
-/// UserError naming file, line, problem, and the required header.
+/// Reads a CSV file whose first line must be exactly `header`. Cells may have quotes around them,
+/// but no comma within. Blank lines, rows of empty cells and lines that begin with # are skipped.
+/// So are a byte order mark and Excel's "sep=,". Every other row has as many cells as the header.
+/// Throws UserError naming file, line, problem, and the required header.
 std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header);
 
 /// Reads a cell as a finite number; throws UserError naming file, line, column and value.

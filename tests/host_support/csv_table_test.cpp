@@ -42,6 +42,24 @@ TEST_CASE("A CSV table is read as spreadsheets and R write it", "[support]") {
                     Contains("t.csv:1: semicolons separate the columns"));
 }
 
+TEST_CASE("A CSV table skips what spreadsheets add, and names a form that is not CSV",
+          "[support]") {
+  const Csv extra("sep=,\r\na,b\r\n1,2\r\n,\r\n,\r\n");
+  CHECK(torquer::ReadCsv(extra.path, "a,b").size() == 1);
+  const auto refused = [](const std::string& text, const std::string& message) {
+    const Csv csv(text);
+    CHECK_THROWS_WITH(torquer::ReadCsvTable(csv.path), Contains(message));
+  };
+  refused("a\tb\n1\t2\n", "t.csv:1: tabs separate the columns");
+  refused("a,b\r1,2\r", "t.csv:1: carriage returns alone end the lines; save");
+  refused(std::string("\xff\xfe"
+                      "a\0,\0b\0\n\0",
+                      10),
+          "t.csv:1: the text is UTF-16; save");
+  refused("\"\",\"a\"\n\"1\",2\n", "t.csv:1: column 1 has no name; name it or remove it (in R");
+  refused("a,b,\n1,2,\n", "t.csv:1: column 3 has no name");
+}
+
 TEST_CASE("A CSV table reports an error with its place", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv("no/such.csv", "a"), Contains("no/such.csv"));
   CHECK_THROWS_WITH(torquer::ReadCsv(Csv("b,a\n").path, "a,b"), Contains("t.csv"));

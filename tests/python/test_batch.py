@@ -340,15 +340,16 @@ def test_a_study_of_very_many_scenes_is_read_at_once(study, monkeypatch):
         ("", "the file is empty"),
         ("time_s,guidewire.speed\n1,2\n", ":1: column 'guidewire.speed' is unknown or given twice"),
         ("guidewire.insertion_mm\n1\n", ":1: there is no column time_s"),
-        ("time_s;guidewire.insertion_mm\n1;2\n", ":1: semicolons separate the columns"),
-        ("time_s\n1\n1\n", ":3: time_s is 1, not later than the previous row"),
+        ("time_s;lao_deg\n1;2\n", ":1: semicolons separate the columns"), ("time_s\tlao_deg\n1\t2\n", ":1: tabs separate"),
+        ("time_s\r1\r", ":1: carriage returns alone end the lines"), ("sep=,\r\ntime_s\r\n1\r\n,\r\nx\r\n", ":5: 'x' are not"),
+        ('"","time_s"\n"1",2\n', ":1: column 1 has no name; name it or remove it (in R: row.names = FALSE)"), ("time_s\n1\n1\n", ":3: time_s is 1, not later than the previous row"),
         ("# rows\ntime_s\n1,2\n", ":3: the row has 2 values, but the header names 1"),
         ("time_s\nx\n", ":2: 'x' are not all numbers"),
         ("time_s\ninf\n", ":2: 'inf' are not all finite"),
     ],
 )
 def test_a_script_that_makes_no_sense_is_refused(study, tmp_path, rows, said):
-    (tmp_path / "moves.csv").write_text(rows)
+    (tmp_path / "moves.csv").write_bytes(rows.encode())
     path = study('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "moves.csv"\n')
     with pytest.raises(torquer.Error) as refused:
         torquer.batch.run(str(path), str(tmp_path / "out"))

@@ -28,6 +28,13 @@ def test_json_of_the_largest_allowed_depth():
             _user_file.load_json(text)
 
 
+def test_text_in_utf_16_is_refused_by_its_name(tmp_path):
+    for coding in ("utf-16-le", "utf-16-be"):
+        (tmp_path / "t.csv").write_bytes("\ufeffa,b\n".encode(coding))
+        with pytest.raises(torquer.Error, match=r"t\.csv: the text is UTF-16; save it as UTF-8"):
+            _user_file.read_text(tmp_path / "t.csv")
+
+
 @pytest.mark.parametrize("depth", DEEP)
 @pytest.mark.parametrize(
     ("before", "opening", "after", "closing"),

@@ -6,7 +6,6 @@ import csv
 import dataclasses
 import difflib
 import hashlib
-import io
 import itertools
 import json
 import math
@@ -273,8 +272,14 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
     """Reads columns and rows of a script for torquer-simulator --script."""
     instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
     known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES]
-    text = io.StringIO(read_text(path), newline="")
-    lines = [(number, line) for number, line in enumerate(text, 1) if line.strip() and not line.startswith("#")]
+    text = read_text(path).replace("\r\n", "\n")
+    if "\r" in text:
+        raise Error(f"{path}:1: carriage returns alone end the lines; save the file with line feeds (in Excel: CSV UTF-8)")
+    # Spreadsheets add rows of empty cells, and Excel a line that names the separator.
+    numbered = enumerate(text.split("\n"), 1)
+    lines = [(number, line) for number, line in numbered if line.strip(' \t,"') and not line.startswith("#")]
+    if lines and len(lines[0][1]) == len("sep=,") and lines[0][1].startswith("sep="):
+        lines = lines[1:]
     if not lines:
         raise Error(f"{path}: the file is empty; the first line must name the columns")
     try:
@@ -282,9 +287,12 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
     except csv.Error as error:
         raise Error(f"{path}: {error}; give rows of numbers, separated by commas") from None
     columns = tuple(cell.strip() for cell in rows[0])
-    if len(columns) == 1 and ";" in columns[0]:
-        raise Error(f"{path}:{lines[0][0]}: semicolons separate the columns; save the file with commas between columns and decimal points in numbers")
-    for column in columns:
+    for separator, plural in ((";", "semicolons"), ("\t", "tabs")):
+        if len(columns) == 1 and separator in columns[0]:
+            raise Error(f"{path}:{lines[0][0]}: {plural} separate the columns; save the file with commas between columns and decimal points in numbers")
+    for place, column in enumerate(columns, 1):
+        if not column:
+            raise Error(f"{path}:{lines[0][0]}: column {place} has no name; name it or remove it (in R: row.names = FALSE)")
         if column not in known or columns.count(column) > 1:
             raise Error(f"{path}:{lines[0][0]}: column {column!r} is unknown or given twice; known columns: {', '.join(known)}")
     if "time_s" not in columns:
