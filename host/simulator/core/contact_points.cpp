@@ -17,7 +17,7 @@ ContactPoints::ContactPoints(const WireModel& model, const ClearanceField& field
       last_(static_cast<std::size_t>(model.max_segments() + 1) *
             static_cast<std::size_t>(wall.points_per_segment)) {
   Forget();
-  radius_mm_.resize(static_cast<std::size_t>(model.max_segments()) + 1);
+  radius_mm_.resize(model.max_segments() + 1);
   UpdateRadii();
   if (wall.stiffness_field != nullptr) stiffness_N_mm2_.assign(last_.size(), wall.stiffness_N_mm2);
 }
@@ -27,7 +27,7 @@ void ContactPoints::Forget() {
 }
 
 void ContactPoints::UpdateRadii() {
-  const auto per_segment = static_cast<std::size_t>(wall_.points_per_segment);
+  const int per_segment = wall_.points_per_segment;
   for (std::size_t j = 0; j < radius_mm_.size(); ++j) {
     const double radius_mm = model_.radius_mm(static_cast<int>(j));
     const double grown_mm = radius_mm - radius_mm_[j];
@@ -88,8 +88,7 @@ void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
   points.spacing_mm = model_.segment_mm() / points.per_segment;
   points.first_spacing_mm = curve.first_segment_mm() / points.per_segment;
   for (int k = range.first; k < range.last; ++k) {
-    points.instruments.behind_mm[static_cast<std::size_t>(k)] =
-        curve.insertion_mm() - curve.poses()[k].insertion_mm;
+    points.instruments.behind_mm[k] = curve.insertion_mm() - curve.poses()[k].insertion_mm;
   }
   if (model_.spins() > 0) points.instruments.normals = curve.normals();
   points.instruments.angles_rad = curve.turns_rad();
@@ -106,7 +105,7 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
                           PointSet& points) {
   const int n = curve.segments();
   const int per_segment = wall_.points_per_segment;
-  const auto count = static_cast<std::size_t>(n * per_segment);
+  const int count = n * per_segment;
   points.per_segment = per_segment;
   points.position.resize(count);
   points.weight_mm.resize(count);
@@ -128,7 +127,7 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
     for (int k = 1; k <= per_segment; ++k, ++q) {
       const Vector3d at =
           k == per_segment
-              ? curve.nodes()[static_cast<std::size_t>(i) + 1]
+              ? curve.nodes()[i + 1]
               : Vector3d(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
       points.position[q] = at;
       points.weight_mm[q] = k == per_segment ? (piece + beyond) / 2 : piece;

@@ -37,8 +37,7 @@ Curve::Curve(const WireModel& model, int instruments) : poses_(instruments) {
     twist_rad_.reserve(room);
     if (model.stack_twists()) turns_rad_.reserve(room);
   } else {
-    reference_twist_.assign(static_cast<std::size_t>(model.most_curved_joints()) + 1,
-                            Vector2d(1, 0));
+    reference_twist_.assign(model.most_curved_joints() + 1, Vector2d(1, 0));
   }
   nodes_.push_back(model.sheath().point_mm);
 }
@@ -99,7 +98,7 @@ Vector3d Curve::ProximalNormal(const WireModel& model) const {
 
 void Curve::PlaceNodes(const WireModel& model, int first) {
   const int n = segments();
-  nodes_.resize(static_cast<std::size_t>(n) + 1);
+  nodes_.resize(n + 1);
   for (int i = first; i <= n; ++i) {
     nodes_[i] = nodes_[i - 1] + SegmentLength(model, i - 1) * tangents_[i - 1];  // (1)
   }
@@ -107,7 +106,7 @@ void Curve::PlaceNodes(const WireModel& model, int first) {
 
 void Curve::UntwistFrames(const WireModel& model) {
   const int n = segments();
-  normals_.resize(static_cast<std::size_t>(n));
+  normals_.resize(n);
   Vector3d tangent = model.sheath().direction;
   Vector3d normal = ProximalNormal(model);
   for (int i = 0; i < n; ++i) {
@@ -116,8 +115,8 @@ void Curve::UntwistFrames(const WireModel& model) {
     normals_[i] = normal;
   }
   std::fill(reference_twist_.begin(), reference_twist_.end(), Vector2d(1, 0));
-  if (model.spins() > 0) twist_rad_.assign(static_cast<std::size_t>(n), 0);
-  if (model.stack_twists()) turns_rad_.assign(static_cast<std::size_t>(n), Rotations());
+  if (model.spins() > 0) twist_rad_.assign(n, 0);
+  if (model.stack_twists()) turns_rad_.assign(n, Rotations());
 }
 
 void Curve::Rebuild(const WireModel& model) {
@@ -159,7 +158,7 @@ void Curve::UpdateTwist(const WireModel& model) {
 PerInstrument Curve::Rotations() const {
   PerInstrument rotations = {};
   for (int k = 0; k < poses_.size(); ++k) {
-    rotations[static_cast<std::size_t>(k)] = poses_[k].rotation_rad;
+    rotations[k] = poses_[k].rotation_rad;
   }
   return rotations;
 }
@@ -252,7 +251,7 @@ void Curve::Step(const WireModel& model, const Curve& from, const std::vector<Fr
                  const std::vector<Vector2d>& xi_of, const std::vector<double>& spin,
                  double scale) {
   const auto n = from.tangents_.size();
-  const auto spins = static_cast<std::size_t>(model.spins());
+  const int spins = model.spins();
   const auto first_spin = static_cast<std::size_t>(model.first_spin());
   tangents_.resize(n);
   normals_.resize(n);
@@ -279,7 +278,7 @@ void Curve::Step(const WireModel& model, const Curve& from, const std::vector<Fr
       const Vector3d spun = normals_[i] + (scale * spin[i]) * tangent.cross(normals_[i]);
       normals_[i] = spun / spun.norm();
     } else {
-      for (std::size_t k = 0; k < spins; ++k) {
+      for (int k = 0; k < spins; ++k) {
         turns_rad_[i][first_spin + k] += scale * spin[i * spins + k];
       }
     }
@@ -314,7 +313,7 @@ Vector2d TwistedRest(const WireModel& model, const Curve& curve, int joint) {
   const WireModel::TwistingJoint& twisting = model.twisting_joint(curve.segments() - joint);
   Vector2d rest = Vector2d::Zero();
   for (int k = model.first_spin(); k < model.first_spin() + model.spins(); ++k) {
-    const auto& share = twisting.of[static_cast<std::size_t>(k)];
+    const auto& share = twisting.of[k];
     if (share.bend_rad.isZero(0)) continue;
     const double turn = curve.TurnBefore(joint, k);
     rest += Turned({std::cos(turn), std::sin(turn)}, share.bend_rad);
@@ -335,7 +334,7 @@ Vector3d RestDirection(const WireModel& model, const Curve& curve, int joint) {
   double c = 1;
   double s = 0;
   if (!model.twists()) {
-    const Vector2d& twist = curve.reference_twist()[static_cast<std::size_t>(from_tip)];
+    const Vector2d& twist = curve.reference_twist()[from_tip];
     const Vector2d& turn = curve.turn();
     c = turn[0] * twist[0] - turn[1] * twist[1];
     s = turn[1] * twist[0] + turn[0] * twist[1];

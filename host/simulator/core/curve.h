@@ -59,16 +59,12 @@ class Curve {
   const std::vector<PerInstrument>& turns_rad() const { return turns_rad_; }
   /// The same angle in the segment before joint i, or in the sheath.
   double TurnBefore(int joint, int instrument) const {
-    return joint == 0 ? poses_[instrument].rotation_rad
-                      : turns_rad_[static_cast<std::size_t>(joint) - 1]
-                                  [static_cast<std::size_t>(instrument)];
+    return joint == 0 ? poses_[instrument].rotation_rad : turns_rad_[joint - 1][instrument];
   }
   /// Twist, rad, at joint i of an instrument on this curve.
   double TwistOf(int joint, int instrument) const {
-    const auto i = static_cast<std::size_t>(joint);
-    if (turns_rad_.empty()) return twist_rad_[i];
-    return twist_rad_[i] + turns_rad_[i][static_cast<std::size_t>(instrument)] -
-           TurnBefore(joint, instrument);
+    if (turns_rad_.empty()) return twist_rad_[joint];
+    return twist_rad_[joint] + turns_rad_[joint][instrument] - TurnBefore(joint, instrument);
   }
   double first_segment_mm() const { return first_segment_mm_; }
   double SegmentLength(const WireModel& model, int i) const {

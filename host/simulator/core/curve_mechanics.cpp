@@ -42,7 +42,7 @@ void CurveMechanics::Reserve(bool terms, CurveQuadraticModel& out) const {
   out.loads.reserve(n);
   out.distal_gradient.reserve(n + 1);
   out.gradient.reserve(n);
-  const auto spins = static_cast<std::size_t>(model_.spins());
+  const int spins = model_.spins();
   if (spins > 0) {
     (model_.twists() ? out.twists.reserve(n) : out.stack.reserve(n));
     out.spin_gradient.reserve(n * spins);
@@ -64,12 +64,11 @@ void CurveMechanics::ExpandWall(bool with_hessian, CurveQuadraticModel& out) con
   out.springs.clear();
   out.max_penetration_mm = 0;
   for (const int q : out.points.near) {
-    const auto p = static_cast<std::size_t>(q);
-    const ClearanceSample& sample = out.points.clearance[p];
+    const ClearanceSample& sample = out.points.clearance[q];
     WallSpring& spring = out.springs.emplace_back();
-    spring.stiffness_N_mm = out.points.stiffness_N_mm2[p] * out.points.weight_mm[p];
-    spring.penetration_mm = out.points.radius_mm[p] - sample.clearance_mm;
-    if (out.points.touches[p]) {
+    spring.stiffness_N_mm = out.points.stiffness_N_mm2[q] * out.points.weight_mm[q];
+    spring.penetration_mm = out.points.radius_mm[q] - sample.clearance_mm;
+    if (out.points.touches[q]) {
       out.max_penetration_mm = std::max(out.max_penetration_mm, spring.penetration_mm);
       out.energy_mJ += spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;
     }
@@ -109,7 +108,7 @@ void CurveMechanics::ExpandJoints(const Curve& curve, CurveQuadraticModel& out) 
 void CurveMechanics::ExpandTurningJoints(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
   const int curved_from = n - model_.first_straight_joint() + 1;
-  out.turns.resize(static_cast<std::size_t>(n));
+  out.turns.resize(n);
   double torque = 0;
   for (int i = n - 1; i >= 0; --i) {
     const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : curve.tangents()[i - 1];
@@ -136,7 +135,7 @@ void CurveMechanics::ExpandTurningJoints(const Curve& curve, CurveQuadraticModel
 
 void CurveMechanics::ExpandTwists(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
-  out.twists.resize(static_cast<std::size_t>(n));
+  out.twists.resize(n);
   for (int i = 0; i < n; ++i) {
     const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : curve.tangents()[i - 1];
     const Frame& frame_p = i == 0 ? sheath_frame_ : out.frames[i - 1];
@@ -158,7 +157,7 @@ void CurveMechanics::ExpandTwists(const Curve& curve, CurveQuadraticModel& out) 
 
 void CurveMechanics::ExpandStack(const Curve& curve, CurveQuadraticModel& out) const {
   const int n = curve.segments();
-  out.stack.resize(static_cast<std::size_t>(n));
+  out.stack.resize(n);
   for (int i = 0; i < n; ++i) {
     ExpandStackJoint(model_, curve, i, i == 0 ? sheath_frame_ : out.frames[i - 1], out.frames[i],
                      out.energy_mJ, out.joints[i], out.stack[i]);
@@ -190,7 +189,7 @@ void CurveMechanics::AddSpinLoads(const Curve& curve, CurveQuadraticModel& out) 
   for (const BetweenLoad& on : out.derivatives.between) {
     const int a = on.inner - model_.first_spin();
     const int b = on.outer - model_.first_spin();
-    StackTerms& stack = out.stack[static_cast<std::size_t>(on.segment)];
+    StackTerms& stack = out.stack[on.segment];
     stack.gradient_distal[a] += on.gradient;
     stack.gradient_distal[b] -= on.gradient;
     stack.hessian_distal(a, a) += on.hessian;
@@ -228,7 +227,6 @@ void CurveMechanics::AddLoad(int point, double length_mm, const Vector3d& gradie
 // GJ/(1 mm).
 double CurveMechanics::SumSpins(const Curve& curve, int segment, CurveQuadraticModel& out) const {
   const int n = curve.segments();
-  const auto i = static_cast<std::size_t>(segment);
   const auto take = [&](std::size_t at, double spin, double before, double beyond) {
     out.spin_gradient[at] = spin;
     const double torsional = std::min(before, beyond);
@@ -236,20 +234,22 @@ double CurveMechanics::SumSpins(const Curve& curve, int segment, CurveQuadraticM
   };
   const bool last = segment + 1 == n;
   if (model_.twists()) {
-    return take(i, out.twists[i].gradient_distal + (last ? 0 : out.twists[i + 1].gradient_proximal),
+    return take(segment,
+                out.twists[segment].gradient_distal +
+                    (last ? 0 : out.twists[segment + 1].gradient_proximal),
                 model_.torsional_rigidity_N_mm2(n - segment),
                 model_.torsional_rigidity_N_mm2(n - segment - 1));
   }
-  const auto count = static_cast<std::size_t>(model_.spins());
+  const int count = model_.spins();
   const auto first = static_cast<std::size_t>(model_.first_spin());
   double largest = 0;
-  for (std::size_t k = 0; k < count; ++k) {
+  for (int k = 0; k < count; ++k) {
     const auto row = static_cast<Eigen::Index>(k);
-    const double spin =
-        out.stack[i].gradient_distal[row] + (last ? 0 : out.stack[i + 1].gradient_proximal[row]);
+    const double spin = out.stack[segment].gradient_distal[row] +
+                        (last ? 0 : out.stack[segment + 1].gradient_proximal[row]);
     largest = std::max(
         largest,
-        take(i * count + k, spin,
+        take(segment * count + k, spin,
              model_.twisting_joint(n - segment).of[first + k].torsional_rigidity_N_mm2,
              model_.twisting_joint(n - segment - 1).of[first + k].torsional_rigidity_N_mm2));
   }
@@ -261,7 +261,7 @@ double CurveMechanics::SumGradient(const Curve& curve, CurveQuadraticModel& out)
   const int n = curve.segments();
   double residual = 0;
   Vector3d beyond = Vector3d::Zero();
-  out.distal_gradient[static_cast<std::size_t>(n)] = beyond;
+  out.distal_gradient[n] = beyond;
   for (int i = n - 1; i >= 0; --i) {
     if (touches) beyond += out.touch_gradient[i].head<3>();
     Vector3d lever = curve.SegmentLength(model_, i) * beyond;
@@ -290,10 +290,9 @@ double CurveMechanics::SumGradient(const Curve& curve, CurveQuadraticModel& out)
 }
 
 void CurveMechanics::PrepareSegments(const Curve& curve, CurveQuadraticModel& out) const {
-  const auto n = static_cast<std::size_t>(curve.segments());
+  const int n = curve.segments();
   out.frames.resize(n);
-  for (std::size_t i = 0; i < n; ++i)
-    out.frames[i] = TangentFrame(curve.tangents()[i], curve.normals()[i]);
+  for (int i = 0; i < n; ++i) out.frames[i] = TangentFrame(curve.tangents()[i], curve.normals()[i]);
   out.joints.resize(n);
   out.load_index.resize(n);
   out.distal_gradient.resize(n + 1);

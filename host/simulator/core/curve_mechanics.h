@@ -142,7 +142,7 @@ void CurveMechanics::SumLoads(const Curve& curve, IsActive is_active,
     // The part of forces that exist is the same for all sets of springs.
     if (!acts && !(spring.force_N > 0)) continue;
     const int q = out.points.near[k];
-    const Eigen::Vector3d& inward = out.points.clearance[static_cast<std::size_t>(q)].gradient;
+    const Eigen::Vector3d& inward = out.points.clearance[q].gradient;
     Eigen::Matrix3d hessian;
     if (with_hessian) {
       hessian = spring.hessian;

@@ -17,13 +17,13 @@ void DiscretizationDefect::Reserve(int max_segments) {
 }
 
 void DiscretizationDefect::FindMoments(const WireModel& model, const Curve& curve) {
-  const auto n = static_cast<std::size_t>(curve.segments());
+  const int n = curve.segments();
   moment_mJ_.resize(n);
   law_rad_.resize(n);
   curvature_.resize(n);
   shift_mm_.resize(n + 1);
   Vector3d before = Vector3d::Zero();
-  for (std::size_t i = 0; i < n; ++i) {
+  for (int i = 0; i < n; ++i) {
     const int joint = static_cast<int>(i);
     const Vector3d& u = curve.tangents()[i];
     const Vector3d rest = RestDirection(model, curve, joint);
@@ -40,7 +40,7 @@ void DiscretizationDefect::FindMoments(const WireModel& model, const Curve& curv
   }
   if (n > 0) curvature_[n - 1] = before;
   shift_mm_[0].setZero();
-  for (std::size_t i = 0; i < n; ++i) {
+  for (int i = 0; i < n; ++i) {
     const double length = curve.SegmentLength(model, static_cast<int>(i));
     const double shorter = curvature_[i].squaredNorm() * length * length / 24;
     shift_mm_[i + 1] = shift_mm_[i] - shorter * length * curve.tangents()[i];
@@ -55,11 +55,10 @@ Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const Curve& c
   const double lambda = model.segment_mm();
   const double first = curve.first_segment_mm();
   const double rigidity = model.rigidity_N_mm2(n - joint);
-  const auto i = static_cast<std::size_t>(joint);
-  Vector3d bend = law_rad_[i];
+  Vector3d bend = law_rad_[joint];
   if (n < 4) return bend;
   // Second derivative at the nearest joint with a segment on either side.
-  const auto middle = static_cast<std::size_t>(std::clamp(joint, 2, n - 2));
+  const int middle = std::clamp(joint, 2, n - 2);
   const Vector3d second =
       (moment_mJ_[middle + 1] - 2 * moment_mJ_[middle] + moment_mJ_[middle - 1]) /
       (rigidity * lambda * lambda);
@@ -80,26 +79,24 @@ void DiscretizationDefect::ReplaceGradients(const WireModel& model, const Curve&
   Vector3d change_beyond_N = Vector3d::Zero();
   Vector3d moment_beyond = Vector3d::Zero();
   for (int i = curve.segments() - 1; i >= 0; --i) {
-    const auto at = static_cast<std::size_t>(i);
     const double length = curve.SegmentLength(model, i);
-    const double shorter = curvature_[at].squaredNorm() * length * length / 24;
+    const double shorter = curvature_[i].squaredNorm() * length * length / 24;
     // Loads act on the arc, beside the chord, and on shorter levers.
-    Vector3d lever =
-        length * change_beyond_N - shorter * length * quadratic.distal_gradient[at + 1];
-    if (quadratic.load_index[at] >= 0) {
-      const LoadTerms& load = quadratic.loads[static_cast<std::size_t>(quadratic.load_index[at])];
-      const Vector3d along = -shorter * curve.tangents()[at];
-      const Vector3d bulge_N = (length * load.h1 - load.h2) * curvature_[at] / 2;
-      change_beyond_N += load.h0 * shift_mm_[at] + load.h1 * along - bulge_N;
-      lever += load.h1 * shift_mm_[at] + load.h2 * along - length / 2 * bulge_N - shorter * load.g1;
+    Vector3d lever = length * change_beyond_N - shorter * length * quadratic.distal_gradient[i + 1];
+    if (quadratic.load_index[i] >= 0) {
+      const LoadTerms& load = quadratic.loads[quadratic.load_index[i]];
+      const Vector3d along = -shorter * curve.tangents()[i];
+      const Vector3d bulge_N = (length * load.h1 - load.h2) * curvature_[i] / 2;
+      change_beyond_N += load.h0 * shift_mm_[i] + load.h1 * along - bulge_N;
+      lever += load.h1 * shift_mm_[i] + load.h2 * along - length / 2 * bulge_N - shorter * load.g1;
     }
     const Vector3d moment = JointStiffness(model, curve, i) * MissedBend(model, curve, i);
     const Vector3d turn = moment - moment_beyond;
     moment_beyond = moment;
-    const Frame& frame = quadratic.frames[at];
+    const Frame& frame = quadratic.frames[i];
     const Vector2d defect =
         frame.transpose() * lever + Vector2d(turn.dot(frame.col(1)), -turn.dot(frame.col(0)));
-    quadratic.joints[at].gradient_distal += defect - quadratic.gradient[at];
+    quadratic.joints[i].gradient_distal += defect - quadratic.gradient[i];
   }
 }
 

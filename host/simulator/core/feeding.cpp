@@ -25,11 +25,10 @@ void Curve::SplitTwist() {
   // The instruments' twists against the frames that were just turned.
   turns_rad_.insert(turns_rad_.begin(), turns_rad_.front());
   for (int k = 0; k < poses_.size(); ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    const double before = turns_rad_[1][at] - poses_[k].rotation_rad;
-    const double beyond = turns_rad_.size() > 2 ? turns_rad_[2][at] - turns_rad_[1][at] : 0;
-    turns_rad_[0][at] -= before * (2.0 / 3);
-    turns_rad_[1][at] += beyond * (1.0 / 5);
+    const double before = turns_rad_[1][k] - poses_[k].rotation_rad;
+    const double beyond = turns_rad_.size() > 2 ? turns_rad_[2][k] - turns_rad_[1][k] : 0;
+    turns_rad_[0][k] -= before * (2.0 / 3);
+    turns_rad_[1][k] += beyond * (1.0 / 5);
   }
 }
 
@@ -58,7 +57,6 @@ void Curve::MoveInstruments(const WireModel& model, const InstrumentPoses& poses
   };
   const double fed_mm = reach_mm(poses) - reach_mm(poses_);
   for (int k = first; model.stack_twists() && k < first + model.spins(); ++k) {
-    const auto at = static_cast<std::size_t>(k);
     const double slid_mm = poses[k].insertion_mm - poses_[k].insertion_mm - fed_mm;
     const auto fraction = [&](int joint) {
       return std::min(1.0, std::abs(slid_mm) / JointLength(model, *this, joint));
@@ -66,15 +64,15 @@ void Curve::MoveInstruments(const WireModel& model, const InstrumentPoses& poses
     // The twist slides along with the instrument's material, distally or proximally.
     if (slid_mm > 0) {
       for (int i = n - 1; i >= 0; --i) {
-        turns_rad_[static_cast<std::size_t>(i)][at] -= fraction(i) * TwistOf(i, k);
+        turns_rad_[i][k] -= fraction(i) * TwistOf(i, k);
       }
     } else if (slid_mm < 0) {
       for (int i = 0; i + 1 < n; ++i) {
-        turns_rad_[static_cast<std::size_t>(i)][at] += fraction(i + 1) * TwistOf(i + 1, k);
+        turns_rad_[i][k] += fraction(i + 1) * TwistOf(i + 1, k);
       }
     }
     const double turned_rad = poses[k].rotation_rad - poses_[k].rotation_rad;
-    for (PerInstrument& turns : turns_rad_) turns[at] += turned_rad;
+    for (PerInstrument& turns : turns_rad_) turns[k] += turned_rad;
   }
   SetPoses(poses);
 }

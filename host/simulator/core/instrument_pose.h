@@ -35,8 +35,8 @@ class InstrumentPoses {
   }
 
   int size() const { return count_; }
-  InstrumentPose& operator[](int k) { return poses_[static_cast<std::size_t>(k)]; }
-  const InstrumentPose& operator[](int k) const { return poses_[static_cast<std::size_t>(k)]; }
+  InstrumentPose& operator[](int k) { return poses_[k]; }
+  const InstrumentPose& operator[](int k) const { return poses_[k]; }
   InstrumentPose* begin() { return poses_.data(); }
   InstrumentPose* end() { return poses_.data() + count_; }
   const InstrumentPose* begin() const { return poses_.data(); }

@@ -13,16 +13,15 @@ namespace {
 
 // Bending moment at joint i, of its distal on its proximal side (README section 15).
 Vector3d BendingMoment(const WireModel& model, const Curve& curve, int joint) {
-  const auto i = static_cast<std::size_t>(joint);
   const Vector3d rest = RestDirection(model, curve, joint);
-  const Vector3d& tangent = curve.tangents()[i];
+  const Vector3d& tangent = curve.tangents()[joint];
   const double slope = EvaluateBending(model.law(), (tangent - rest).squaredNorm() / 2).slope;
   return JointStiffness(model, curve, joint) * slope * rest.cross(tangent);
 }
 
 void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
                   PointDerivatives& out) {
-  const auto size = static_cast<std::size_t>(points.size());
+  const int size = points.size();
   out.with_hessian = false;
   out.Clear(size);
   out.gradient.assign(size, Vector3d::Zero());
@@ -42,11 +41,10 @@ void FindSurfaceTorques(const PointSet& points, const PointDerivatives& friction
   const auto take = [&](int q, int near) {
     if (q <= done || q >= points.size()) return;
     done = q;
-    const auto p = static_cast<std::size_t>(q);
-    const Vector3d& gradient_N = friction.gradient[p];
+    const Vector3d& gradient_N = friction.gradient[q];
     if (gradient_N == Vector3d::Zero()) return;
-    const Vector3d normal = points.clearance[static_cast<std::size_t>(near)].gradient.normalized();
-    out[p] = points.radius_mm[p] * normal.cross(gradient_N).dot(points.Tangent(q));
+    const Vector3d normal = points.clearance[near].gradient.normalized();
+    out[q] = points.radius_mm[q] * normal.cross(gradient_N).dot(points.Tangent(q));
   };
   for (std::size_t k = 0; k < points.near.size(); ++k) {
     const int q = points.near[k];
@@ -87,8 +85,8 @@ void AddContacts(const PointSet& own, const CurveQuadraticModel& at,
     const WallSpring& spring = at.springs[k];
     if (!(spring.penetration_mm > 0)) continue;
     const int q = at.points.near[k];
-    const Vector3d normal_N = spring.stiffness_N_mm * spring.penetration_mm *
-                              at.points.clearance[static_cast<std::size_t>(q)].gradient;
+    const Vector3d normal_N =
+        spring.stiffness_N_mm * spring.penetration_mm * at.points.clearance[q].gradient;
     const Lever lever = LeverOf(own, at.points, q);
     force_N[lever.node] += (1 - lever.fraction) * normal_N;
     force_N[lever.node + 1] += lever.fraction * normal_N;
@@ -102,7 +100,7 @@ void FindContacts(const QuadraticModel& at, int curve, InternalForces& out) {
   std::fill(length_mm.begin(), length_mm.end(), 0);
   for (int q = 0; q < own.size(); ++q) {
     const Lever lever = LeverOf(own, own, q);
-    const double weight_mm = own.weight_mm[static_cast<std::size_t>(q)];
+    const double weight_mm = own.weight_mm[q];
     length_mm[lever.node] += (1 - lever.fraction) * weight_mm;
     length_mm[lever.node + 1] += lever.fraction * weight_mm;
   }
@@ -118,8 +116,7 @@ void FindContacts(const QuadraticModel& at, int curve, InternalForces& out) {
     const PointSet& points = at.curve(c).points;
     if (points.among.beside_farthest) continue;
     for (int q = 0; q < points.size(); ++q) {
-      const Vector3d& gradient_N =
-          out.friction[static_cast<std::size_t>(c)].gradient[static_cast<std::size_t>(q)];
+      const Vector3d& gradient_N = out.friction[c].gradient[q];
       const Lever lever = LeverOf(own, points, q);
       force[lever.node] -= (1 - lever.fraction) * gradient_N;
       force[lever.node + 1] -= lever.fraction * gradient_N;
@@ -129,11 +126,11 @@ void FindContacts(const QuadraticModel& at, int curve, InternalForces& out) {
 
 void FindTension(const WireModel& model, const Curve& curve, const CurveQuadraticModel& at,
                  InternalForces& out) {
-  const auto n = static_cast<std::size_t>(curve.segments());
+  const int n = curve.segments();
   const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
   const std::vector<Vector3d>& tangents = curve.tangents();
   out.tension_N[0] = -at.distal_gradient[0].dot(model.sheath().direction);
-  for (std::size_t i = 1; i <= n; ++i) {
+  for (int i = 1; i <= n; ++i) {
     // The load at the node itself counts half on either side; at the end it counts in full.
     const Vector3d& at_node = out.loads.point_gradient_N[per_segment * i - 1];
     out.tension_N[i] = i == n ? -at_node.dot(tangents[i - 1])
@@ -155,12 +152,12 @@ double TwistingMoment(const WireModel& model, const Curve& curve, int joint) {
 void FindLumenTorques(const QuadraticModel& at, int curve, std::vector<double>& out) {
   for (const BetweenCurves& between : at.between) {
     for (const BetweenCurves::Slide& slide : between.slides) {
-      const SegmentPair& on = between.groups[static_cast<std::size_t>(slide.group)];
+      const SegmentPair& on = between.groups[slide.group];
       if (between.inner == curve) {
-        out[static_cast<std::size_t>(on.inner)] -= slide.inner_spin_mm.dot(slide.load.gradient);
+        out[on.inner] -= slide.inner_spin_mm.dot(slide.load.gradient);
       }
       if (between.outer == curve) {
-        out[static_cast<std::size_t>(on.outer)] -= slide.outer_spin_mm.dot(slide.load.gradient);
+        out[on.outer] -= slide.outer_spin_mm.dot(slide.load.gradient);
       }
     }
   }
@@ -173,28 +170,27 @@ void FindMoments(const WireModel& model, const WireState& state, const Quadratic
   const CurveQuadraticModel& at = all.curve(number);
   const int n = curve.segments();
   const bool twists = model.spins() > 0;
-  const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
+  const int per_segment = at.points.per_segment;
   Vector3d end = Vector3d::Zero();
   for (const TangentLoad& on : at.derivatives.on_tangents) {
     if (on.segment == n - 1) end += on.gradient.cross(curve.tangents().back());
   }
-  out.bending_mJ[static_cast<std::size_t>(n)] = end.norm();
+  out.bending_mJ[n] = end.norm();
   double torque = 0;
   double surface = 0;
   if (!twists) FindLumenTorques(all, number, out.twisting_mJ);
   for (int i = n - 1; i >= 0; --i) {
-    const auto k = static_cast<std::size_t>(i);
     const Vector3d moment = BendingMoment(model, curve, i);
-    const Vector3d& before = i == 0 ? model.sheath().direction : curve.tangents()[k - 1];
-    out.bending_mJ[k] = moment.norm();
+    const Vector3d& before = i == 0 ? model.sheath().direction : curve.tangents()[i - 1];
+    out.bending_mJ[i] = moment.norm();
     // A wire that does not twist transmits the torques on its bent tip and on its surface.
     const double own = moment.dot(before);
-    for (std::size_t q = per_segment * k; q < per_segment * (k + 1); ++q) {
-      surface += out.surface_torque_mJ[static_cast<std::size_t>(number)][q];
+    for (int q = per_segment * i; q < per_segment * (i + 1); ++q) {
+      surface += out.surface_torque_mJ[number][q];
     }
-    surface += out.twisting_mJ[k];
+    surface += out.twisting_mJ[i];
     torque = twists ? TwistingMoment(model, curve, i) : torque + own;
-    out.twisting_mJ[k] = torque + surface;
+    out.twisting_mJ[i] = torque + surface;
     if (i > 0) continue;
     const Vector3d& after = curve.tangents().front();
     out.clamp_moment_mJ = -moment;
@@ -202,7 +198,7 @@ void FindMoments(const WireModel& model, const WireState& state, const Quadratic
     const double carried = twists ? torque : torque - own;
     out.clamp_moment_mJ -= carried / (1 + before.dot(after)) * (before + after);
   }
-  if (twists) out.twisting_mJ[static_cast<std::size_t>(n)] = out.twisting_mJ.end()[-2];
+  if (twists) out.twisting_mJ[n] = out.twisting_mJ.end()[-2];
 }
 
 // Adds the contact forces between two curves to the forces on one of them.
@@ -210,14 +206,13 @@ void AddBetween(const WireState& state, const BetweenCurves& between, bool inner
   const Eigen::Index first = inner ? 0 : 5;
   const std::vector<Vector3d>& inward = state.curve(between.inner).tangents();
   const auto add = [&](const auto& place, const Vector3d& force_N, bool presses) {
-    const SegmentPair& on = between.groups[static_cast<std::size_t>(place.group)];
+    const SegmentPair& on = between.groups[place.group];
     const bool unfelt = presses && between.at_mouth;
-    out.in_lumen.push_back(
-        {.segment = inner ? on.inner : on.outer,
-         .past_mm = inner ? place.past_mm : place.foot_mm,
-         .in_own_lumen = !inner && !between.beside,
-         .force_N = force_N,
-         .unfelt_N = unfelt ? force_N.dot(inward[static_cast<std::size_t>(on.inner)]) : 0});
+    out.in_lumen.push_back({.segment = inner ? on.inner : on.outer,
+                            .past_mm = inner ? place.past_mm : place.foot_mm,
+                            .in_own_lumen = !inner && !between.beside,
+                            .force_N = force_N,
+                            .unfelt_N = unfelt ? force_N.dot(inward[on.inner]) : 0});
   };
   for (const BetweenCurves::Spring& spring : between.springs) {
     if (!(spring.penetration_mm > 0)) continue;
@@ -238,7 +233,7 @@ void FindCurveLoads(const WireState& state, const QuadraticModel& quadratic, int
                     CurveLoads& out) {
   const CurveQuadraticModel& at = quadratic.curve(curve);
   const PointSet& points = at.points;
-  out.point_gradient_N.assign(static_cast<std::size_t>(points.size()), Vector3d::Zero());
+  out.point_gradient_N.assign(points.size(), Vector3d::Zero());
   for (std::size_t q = 0; q < at.derivatives.used.size(); ++q) {
     if (at.derivatives.used[q] == PointDerivatives::kNothing) continue;
     out.point_gradient_N[q] += at.derivatives.gradient[q];
@@ -246,7 +241,7 @@ void FindCurveLoads(const WireState& state, const QuadraticModel& quadratic, int
   for (std::size_t k = 0; k < at.springs.size(); ++k) {
     const WallSpring& spring = at.springs[k];
     if (!(spring.penetration_mm > 0)) continue;
-    const auto p = static_cast<std::size_t>(points.near[k]);
+    const int p = points.near[k];
     out.point_gradient_N[p] -=
         spring.stiffness_N_mm * spring.penetration_mm * points.clearance[p].gradient;
   }
@@ -273,10 +268,10 @@ void FindInternalForces(const WireModel& model, const WireState& state,
   out.clamp_force_N.setZero();
   out.clamp_moment_mJ.setZero();
   if (n == 0) return;
-  const auto curves = static_cast<std::size_t>(state.curves());
+  const int curves = state.curves();
   out.friction.resize(curves);
   out.surface_torque_mJ.resize(curves);
-  for (std::size_t c = 0; c < curves; ++c) {
+  for (int c = 0; c < curves; ++c) {
     const PointSet& points = quadratic.curve(static_cast<int>(c)).points;
     FindFriction(points, terms, out.friction[c]);
     out.surface_torque_mJ[c].assign(points.position.size(), 0);

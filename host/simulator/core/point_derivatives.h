@@ -82,18 +82,16 @@ struct PointDerivatives {
 
   /// Marks point q as used, initialized to zero. Call it before adding to the point.
   void Touch(int q) {
-    const auto k = static_cast<std::size_t>(q);
-    if (used[k] == kBoth) return;
-    if (used[k] == kNothing) gradient[k].setZero();
-    if (with_hessian) hessian[k].setZero();
-    used[k] = kBoth;
+    if (used[q] == kBoth) return;
+    if (used[q] == kNothing) gradient[q].setZero();
+    if (with_hessian) hessian[q].setZero();
+    used[q] = kBoth;
   }
   /// Like Touch, for a load without Hessian: a constant force.
   void TouchGradient(int q) {
-    const auto k = static_cast<std::size_t>(q);
-    if (used[k] != kNothing) return;
-    gradient[k].setZero();
-    used[k] = kGradient;
+    if (used[q] != kNothing) return;
+    gradient[q].setZero();
+    used[q] = kGradient;
   }
 
   std::vector<TangentLoad> on_tangents;  ///< in any order; they add up

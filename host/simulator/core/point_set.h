@@ -114,33 +114,30 @@ struct PointSet {
   int FromTip(int q) const { return size() - 1 - q; }
   /// Normal of the segment of point q, fixed to the material of an instrument.
   Eigen::Vector3d NormalOf(int instrument, int q) const {
-    const auto i = static_cast<std::size_t>(q / per_segment);
+    const int i = q / per_segment;
     if (instruments.angles_rad.empty()) return instruments.normals[i];
-    return TurnedAbout(Tangent(q), instruments.normals[i],
-                       instruments.angles_rad[i][static_cast<std::size_t>(instrument)]);
+    return TurnedAbout(Tangent(q), instruments.normals[i], instruments.angles_rad[i][instrument]);
   }
   /// Normal, as of NormalOf, of the surface that touches the wall at the point.
   Eigen::Vector3d Normal(int q) const { return NormalOf(SurfaceAt(q), q); }
   /// The outermost instrument of the curve that reaches the point; its surface touches the wall.
   int SurfaceAt(int q) const {
     int k = instruments.last - 1;
-    while (k > instruments.first &&
-           instruments.behind_mm[static_cast<std::size_t>(k)] > FromTip(q) * spacing_mm) {
+    while (k > instruments.first && instruments.behind_mm[k] > FromTip(q) * spacing_mm) {
       --k;
     }
     return k;
   }
   /// Distance of the point from the tip of that instrument, mm.
   double FromTipOf(int instrument, int q) const {
-    return FromTip(q) * spacing_mm - instruments.behind_mm[static_cast<std::size_t>(instrument)];
+    return FromTip(q) * spacing_mm - instruments.behind_mm[instrument];
   }
   /// Fraction of the point's length that the instrument covers, 0 .. 1: between 0 and 1 only near
   /// its tip.
   double CoverageOf(int instrument, int q) const {
     const double before_mm = PieceMm(q) / 2;
     const double beyond_mm = q + 1 < size() ? PieceMm(q + 1) / 2 : 0;
-    const double from_tip_mm =
-        FromTipMm(q) - instruments.behind_mm[static_cast<std::size_t>(instrument)];
+    const double from_tip_mm = FromTipMm(q) - instruments.behind_mm[instrument];
     const double reached_mm = std::clamp(from_tip_mm, -before_mm, beyond_mm);
     return (before_mm + reached_mm) / (before_mm + beyond_mm);
   }
@@ -154,8 +151,7 @@ struct PointSet {
   double PieceMm(int q) const { return q < per_segment ? first_spacing_mm : spacing_mm; }
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
-    const auto p = static_cast<std::size_t>(q);
-    return (position[p] - (q == 0 ? start : position[p - 1])) / PieceMm(q);
+    return (position[q] - (q == 0 ? start : position[q - 1])) / PieceMm(q);
   }
 
   /// Place between points: on the piece that ends in `point`, `before_mm` before that point.
@@ -170,7 +166,7 @@ struct PointSet {
                                      : PlaceOn(size() - 1, from_tip_mm, spacing_mm);
   }
   Eigen::Vector3d PositionAt(const Place& place) const {
-    const Eigen::Vector3d& end = position[static_cast<std::size_t>(place.point)];
+    const Eigen::Vector3d& end = position[place.point];
     if (place.before_mm == 0) return end;
     return end - place.before_mm * Tangent(place.point);
   }

@@ -21,7 +21,7 @@ using Tips = std::array<Eigen::Vector3d, kMostInstruments>;
 Tips TipsOf(const WireState& state) {
   Tips tips;
   for (int c = 0; c < state.curves(); ++c) {
-    tips[static_cast<std::size_t>(c)] = state.curve(c).tip();
+    tips[c] = state.curve(c).tip();
   }
   return tips;
 }
@@ -37,7 +37,7 @@ bool Snapped(const Tips& before_mm, const InstrumentPoses& before, const WireSta
                 kBentTipMm * std::abs(now.rotation_rad - before[k].rotation_rad);
   }
   const Tips now_mm = TipsOf(state);
-  for (std::size_t c = 0; c < static_cast<std::size_t>(state.curves()); ++c) {
+  for (int c = 0; c < state.curves(); ++c) {
     if ((now_mm[c] - before_mm[c]).norm() > 3 * hands_mm + 0.5) return true;
   }
   return false;

@@ -31,7 +31,7 @@ QuadraticModel WireMechanics::MakeQuadraticModel() const {
   e.around.resize(curves_.size() - 1);
   const int pieces = LumenPairs::PiecesPerSegment(wall_.points_per_segment);
   for (int c = 0; c < curves(); ++c) {
-    const CurveMechanics& mechanics = curves_[static_cast<std::size_t>(c)];
+    const CurveMechanics& mechanics = curves_[c];
     CurveQuadraticModel& curve = e.curve(c);
     if (c > 0) mechanics.Reserve(terms, curve);
     const auto segments = static_cast<std::size_t>(mechanics.model().max_segments()) + 1;
@@ -121,7 +121,7 @@ void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) c
     BetweenCurves& between = out.between[k];
     const LumenPairs& pairs = pairs_->of_curves()[k];
     CurveQuadraticModel& inner = out.curve(pairs.inner);
-    std::size_t& first = first_contact[static_cast<std::size_t>(pairs.inner)];
+    std::size_t& first = first_contact[pairs.inner];
     const PointSet::Between& contacts = inner.points.between;
     const PointDerivatives& loads = inner.derivatives;
     between.TakeSlides(pairs, GeometryOf(pairs.inner, state, out),
@@ -132,7 +132,7 @@ void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) c
     if (!pairs.ordered) first += pairs.spots.size();
     if (model().spins() == 0) continue;
     for (const BetweenCurves::Slide& slide : between.slides) {
-      const SegmentPair& on = between.groups[static_cast<std::size_t>(slide.group)];
+      const SegmentPair& on = between.groups[slide.group];
       AddSpinGradient(pairs.inner, on.inner, slide.inner,
                       slide.inner_spin_mm.dot(slide.load.gradient), out);
       AddSpinGradient(pairs.outer, on.outer, slide.outer,
@@ -144,12 +144,11 @@ void WireMechanics::AddSlideLoads(const WireState& state, QuadraticModel& out) c
 // Adds to the gradient by the spin of an instrument on a segment.
 void WireMechanics::AddSpinGradient(int curve, int segment, int instrument, double gradient_mJ,
                                     QuadraticModel& out) const {
-  const auto i = static_cast<std::size_t>(segment);
   CurveQuadraticModel& at = out.curve(curve);
   if (model(curve).twists()) {
-    at.twists[i].gradient_distal += gradient_mJ;
+    at.twists[segment].gradient_distal += gradient_mJ;
   } else {
-    at.stack[i].gradient_distal[instrument - model(curve).first_spin()] += gradient_mJ;
+    at.stack[segment].gradient_distal[instrument - model(curve).first_spin()] += gradient_mJ;
   }
 }
 
@@ -177,7 +176,7 @@ void WireMechanics::FindInside(const WireState& state, int curve, PointSet& poin
           state.curve(curve).insertion_mm() - points.FromTipMm(q) - inside.insertion_mm();
       if (beyond_mm > 0) continue;
       const auto from_tip = static_cast<int>(-beyond_mm / model(inner).segment_mm());
-      double& inside_mm = points.among.inside_mm[static_cast<std::size_t>(q)];
+      double& inside_mm = points.among.inside_mm[q];
       inside_mm = std::hypot(inside_mm, model(inner).radius_mm(from_tip));
     }
   }
@@ -197,7 +196,7 @@ void WireMechanics::AddTerms(const WireState& state, QuadraticModel& out) const 
     }
   }
   for (int c = 0; c < curves(); ++c) {
-    const CurveMechanics& mechanics = curves_[static_cast<std::size_t>(c)];
+    const CurveMechanics& mechanics = curves_[c];
     if (mechanics.model().spins() > 0) mechanics.AddSpinLoads(state.curve(c), out.curve(c));
   }
   if (pairs_) AddSlideLoads(state, out);
@@ -208,8 +207,7 @@ void WireMechanics::BuildAll(const WireState& state, bool with_hessian, Quadrati
   for (int c = 0; c < curves(); ++c) {
     const double in_lumen_mm = pairs_ ? pairs_->in_lumen_mm(c) : 0;
     CurveQuadraticModel& curve = out.curve(c);
-    curves_[static_cast<std::size_t>(c)].BuildModel(state.curve(c), in_lumen_mm, with_hessian,
-                                                    curve);
+    curves_[c].BuildModel(state.curve(c), in_lumen_mm, with_hessian, curve);
     if (c == 0) continue;
     out.energy_mJ += curve.energy_mJ;
     out.max_penetration_mm = std::max(out.max_penetration_mm, curve.max_penetration_mm);
@@ -225,7 +223,7 @@ void WireMechanics::BuildAll(const WireState& state, bool with_hessian, Quadrati
 // Sums the contact between curves by the segments of each.
 void WireMechanics::SumTouches(const WireState& state, QuadraticModel& out) {
   for (int c = 0; c < state.curves(); ++c) {
-    out.curve(c).touch_gradient.assign(static_cast<std::size_t>(state.curve(c).segments()),
+    out.curve(c).touch_gradient.assign(state.curve(c).segments(),
                                        Eigen::Matrix<double, 5, 1>::Zero());
   }
   for (BetweenCurves& between : out.between) {
@@ -234,10 +232,8 @@ void WireMechanics::SumTouches(const WireState& state, QuadraticModel& out) {
       const BetweenCurves::Terms& terms = between.terms[k];
       if (!terms.any) continue;
       const SegmentPair& on = between.groups[k];
-      out.curve(between.inner).touch_gradient[static_cast<std::size_t>(on.inner)] +=
-          terms.gradient.head<5>();
-      out.curve(between.outer).touch_gradient[static_cast<std::size_t>(on.outer)] +=
-          terms.gradient.tail<5>();
+      out.curve(between.inner).touch_gradient[on.inner] += terms.gradient.head<5>();
+      out.curve(between.outer).touch_gradient[on.outer] += terms.gradient.tail<5>();
     }
   }
 }
@@ -246,7 +242,7 @@ void WireMechanics::SumTrueGradient(const WireState& state, QuadraticModel& out)
   if (pairs_) SumTouches(state, out);
   for (int c = 0; c < curves(); ++c) {
     CurveQuadraticModel& curve = out.curve(c);
-    curves_[static_cast<std::size_t>(c)].SumTrueGradient(state.curve(c), curve);
+    curves_[c].SumTrueGradient(state.curve(c), curve);
     if (c > 0) out.residual = std::max(out.residual, curve.residual);
   }
 }
@@ -254,7 +250,7 @@ void WireMechanics::SumTrueGradient(const WireState& state, QuadraticModel& out)
 void WireMechanics::SumActiveLoads(const WireState& state, int curve,
                                    const std::vector<std::uint8_t>& active,
                                    QuadraticModel& out) const {
-  curves_[static_cast<std::size_t>(curve)].SumLoads(
+  curves_[curve].SumLoads(
       state.curve(curve), [&active](std::size_t k) { return active[k] != 0; }, out.curve(curve));
 }
 

@@ -26,12 +26,8 @@ struct QuadraticModel : CurveQuadraticModel {
   std::vector<BetweenCurves> between;       ///< contact, for each of CurvePairs::of_curves
 
   /// Quadratic model of curve `c`, counted from the innermost.
-  CurveQuadraticModel& curve(int c) {
-    return c == 0 ? *this : around[static_cast<std::size_t>(c) - 1];
-  }
-  const CurveQuadraticModel& curve(int c) const {
-    return c == 0 ? *this : around[static_cast<std::size_t>(c) - 1];
-  }
+  CurveQuadraticModel& curve(int c) { return c == 0 ? *this : around[c - 1]; }
+  const CurveQuadraticModel& curve(int c) const { return c == 0 ? *this : around[c - 1]; }
 };
 
 /// Evaluates quadratic models. One per simulated wire; not thread-safe.
@@ -78,10 +74,8 @@ class WireMechanics {
   /// True if some of them lie beside each other, and could pass through each other.
   bool has_beside() const;
   /// The contact points of a curve; see ContactPoints for the calls needed after a move.
-  ContactPoints& points(int curve = 0) { return curves_[static_cast<std::size_t>(curve)].points(); }
-  const ContactPoints& points(int curve = 0) const {
-    return curves_[static_cast<std::size_t>(curve)].points();
-  }
+  ContactPoints& points(int curve = 0) { return curves_[curve].points(); }
+  const ContactPoints& points(int curve = 0) const { return curves_[curve].points(); }
   /// Number of look-ups of the field since construction.
   std::int64_t lookups() const;
   /// Takes over the memory of `twin`: look-ups and pairs.
@@ -89,9 +83,7 @@ class WireMechanics {
   /// Mixes the pairs into a hash of the state.
   std::uint64_t Hash(std::uint64_t seed) const;
 
-  const WireModel& model(int curve = 0) const {
-    return curves_[static_cast<std::size_t>(curve)].model();
-  }
+  const WireModel& model(int curve = 0) const { return curves_[curve].model(); }
   const WallModel& wall() const { return wall_; }
 
  private:

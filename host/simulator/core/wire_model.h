@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -121,9 +122,7 @@ class WireModel {
 
  private:
   std::size_t Clamp(int from_tip) const {
-    const auto last = rigidity_.size() - 1;
-    const auto k = static_cast<std::size_t>(from_tip);
-    return k < last ? k : last;
+    return std::min(static_cast<std::size_t>(from_tip), rigidity_.size() - 1);
   }
 
   std::vector<WireSection> sections_;

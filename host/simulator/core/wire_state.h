@@ -25,10 +25,8 @@ class WireState : public Curve {
   /// Number of curves, at least 1.
   int curves() const { return 1 + static_cast<int>(others_.size()); }
   /// Curve `c`, in the order of the stack: 0 .. curves() - 1.
-  Curve& curve(int c) { return c == 0 ? *this : others_[static_cast<std::size_t>(c) - 1]; }
-  const Curve& curve(int c) const {
-    return c == 0 ? *this : others_[static_cast<std::size_t>(c) - 1];
-  }
+  Curve& curve(int c) { return c == 0 ? *this : others_[c - 1]; }
+  const Curve& curve(int c) const { return c == 0 ? *this : others_[c - 1]; }
   /// Number of the curve that reaches farthest; of equals, the innermost.
   int FarthestCurve() const {
     int farthest = 0;
@@ -42,7 +40,7 @@ class WireState : public Curve {
   /// Curve on which an instrument lies.
   const Curve& CurveOf(int instrument) const {
     int c = curves() - 1;
-    while (c > 0 && instrument < first_[static_cast<std::size_t>(c) - 1]) --c;
+    while (c > 0 && instrument < first_[c - 1]) --c;
     return curve(c);
   }
   /// Removes all curves but the innermost, and reserves room for `count` in all.

@@ -80,7 +80,7 @@ ActiveSet::ActiveSet(std::size_t points) : SpringSet(points) { pressed_N_.assign
 void ActiveSet::RememberPressed(const CurveQuadraticModel& quadratic) {
   Forget();
   for (std::size_t k = 0; k < quadratic.springs.size(); ++k) {
-    pressed_N_[static_cast<std::size_t>(quadratic.points.FromTip(quadratic.points.near[k]))] =
+    pressed_N_[quadratic.points.FromTip(quadratic.points.near[k])] =
         quadratic.springs[k].ContactForceN();
   }
 }
@@ -92,11 +92,10 @@ void ActiveSet::Begin(bool moved, CurveQuadraticModel& quadratic) {
   for (std::size_t k = 0; k < active_.size(); ++k) {
     WallSpring& spring = quadratic.springs[k];
     const int q = quadratic.points.near[k];
-    const double pressed_N = moved
-                                 ? pressed_N_[static_cast<std::size_t>(quadratic.points.FromTip(q))]
-                                 : spring.ContactForceN();
+    const double pressed_N =
+        moved ? pressed_N_[quadratic.points.FromTip(q)] : spring.ContactForceN();
     if (spring.force_N != pressed_N) {
-      spring.Press(pressed_N, quadratic.points.clearance[static_cast<std::size_t>(q)]);
+      spring.Press(pressed_N, quadratic.points.clearance[q]);
     }
     active_[k] = pressed_N > 0;
   }
@@ -113,8 +112,8 @@ void ActiveSet::Look(const Curve& curve, const CurveQuadraticModel& quadratic,
     const double length = i == 0 ? curve.first_segment_mm() : lambda_mm;
     const double t = length * (q % per_segment + 1) / per_segment;
     const Vector3d moved = step.displacement_mm[i] + quadratic.frames[i] * (t * step.xi[i]);
-    solution_mm_[k] = quadratic.springs[k].penetration_mm -
-                      quadratic.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
+    solution_mm_[k] =
+        quadratic.springs[k].penetration_mm - quadratic.points.clearance[q].gradient.dot(moved);
     if ((solution_mm_[k] > 0) != (active_[k] != 0)) is_wrong_ = true;
   }
 }
@@ -122,7 +121,7 @@ void ActiveSet::Look(const Curve& curve, const CurveQuadraticModel& quadratic,
 int ActiveSet::Update(const CurveQuadraticModel& quadratic) {
   const int last = TakePressing();
   if (last < 0) return -1;
-  return quadratic.points.near[static_cast<std::size_t>(last)] / quadratic.points.per_segment;
+  return quadratic.points.near[last] / quadratic.points.per_segment;
 }
 
 void BetweenSet::Begin(const BetweenCurves& between) {
@@ -137,17 +136,17 @@ void BetweenSet::Look(const WireState& state, const WireMechanics& mechanics,
                       const std::vector<CurveStep>& steps) {
   is_wrong_ = false;
   const auto unknowns = [&](int curve, int segment) {
-    const auto i = static_cast<std::size_t>(segment);
-    const CurveStep& own = steps[static_cast<std::size_t>(curve)];
+    const CurveStep& own = steps[curve];
     const double length_mm = state.curve(curve).SegmentLength(mechanics.model(curve), segment);
     Eigen::Matrix<double, 5, 1> moved;
-    moved << own.displacement_mm[i] + quadratic.curve(curve).frames[i] * (length_mm * own.xi[i]),
-        own.xi[i];
+    moved << own.displacement_mm[segment] +
+                 quadratic.curve(curve).frames[segment] * (length_mm * own.xi[segment]),
+        own.xi[segment];
     return moved;
   };
   for (std::size_t k = 0; k < active_.size(); ++k) {
     const BetweenCurves::Spring& spring = between.springs[k];
-    const SegmentPair& on = between.groups[static_cast<std::size_t>(spring.group)];
+    const SegmentPair& on = between.groups[spring.group];
     BetweenCurves::Vector moved;
     moved << unknowns(between.inner, on.inner), unknowns(between.outer, on.outer);
     solution_mm_[k] = spring.penetration_mm + spring.approach.dot(moved);
@@ -157,7 +156,7 @@ void BetweenSet::Look(const WireState& state, const WireMechanics& mechanics,
 
 int BetweenSet::Update(const BetweenCurves& between) {
   const int last = TakePressing();
-  return last < 0 ? -1 : between.springs[static_cast<std::size_t>(last)].group;
+  return last < 0 ? -1 : between.springs[last].group;
 }
 
 std::uint64_t ActiveSet::Hash(std::uint64_t seed) const {

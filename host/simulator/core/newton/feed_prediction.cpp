@@ -7,7 +7,7 @@
 namespace torquer {
 
 FeedPrediction::FeedPrediction(const WireModel& model) : turns_(model) {
-  fed_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+  fed_.reserve(model.max_segments() + 1);
 }
 
 void FeedPrediction::Finish(const Curve& curve) {

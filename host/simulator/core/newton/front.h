@@ -146,7 +146,7 @@ void Front<kRows>::Touch(const BetweenCurves::SpinTerms& terms, const Slots& slo
                          const std::array<int, kMostInstruments>& rows) {
   const int at[2] = {slots.inner_at, slots.outer_at};
   for (int k = 0; k < kMostInstruments; ++k) {
-    const int row = rows[static_cast<std::size_t>(k)];
+    const int row = rows[k];
     if (row < 0) continue;
     for (int c = 0; c < 2; ++c) {
       for (int a = 0; a < 5; ++a) {
@@ -155,7 +155,7 @@ void Front<kRows>::Touch(const BetweenCurves::SpinTerms& terms, const Slots& slo
       }
     }
     for (int m = 0; m < kMostInstruments; ++m) {
-      const int other = rows[static_cast<std::size_t>(m)];
+      const int other = rows[m];
       if (other >= 0) p[row][other] += terms.hessian(k, m);
     }
   }
@@ -336,7 +336,7 @@ void Front<kRows>::AddSpins(const FrontSegment& segment, Couplings<SlotControls(
   for (int k = 0; k < kSpins; ++k) {
     w.c[2 + k] += spins.gradient_distal[k];
     g[kRoll + k] += spins.gradient_proximal[k];
-    w.s[2 + k][2 + k] += segment.spin_weight_mJ[static_cast<std::size_t>(k)];
+    w.s[2 + k][2 + k] += segment.spin_weight_mJ[k];
     w.f[2 + k][kRoll + k] += spins.hessian_cross[k];
     for (int d = 0; d < 3; ++d) w.f[2 + k][kAt + d] += spins.distal_displacement(k, d);
     for (int a = 0; a < 2; ++a) {

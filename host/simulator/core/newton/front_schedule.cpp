@@ -26,9 +26,9 @@ FrontSchedule::FrontSchedule(int curves, std::size_t segments,
     crossings += groups;
   }
   operations_.reserve(operations);
-  of_segments_.resize(static_cast<std::size_t>(curves));
-  crossings_.resize(static_cast<std::size_t>(curves));
-  next_crossing_.resize(static_cast<std::size_t>(curves));
+  of_segments_.resize(curves);
+  crossings_.resize(curves);
+  next_crossing_.resize(curves);
   for (std::vector<int>& of : of_segments_) of.reserve(segments);
   for (std::vector<Crossing>& of : crossings_) of.reserve(2 * crossings);
 }
@@ -46,11 +46,11 @@ FrontOperation& FrontSchedule::Add(Kind kind, int curve) {
 void FrontSchedule::FindCommon(const WireState& state, const QuadraticModel& quadratic) {
   for (int c = 0; c < state.curves(); ++c) {
     const int segments = state.curve(c).segments();
-    of_segments_[static_cast<std::size_t>(c)].assign(static_cast<std::size_t>(segments), -1);
-    common_[static_cast<std::size_t>(c)] = state.curves() == 1 ? segments : 0;
+    of_segments_[c].assign(segments, -1);
+    common_[c] = state.curves() == 1 ? segments : 0;
   }
   const auto reach = [this](int curve, int segment) {
-    int& common = common_[static_cast<std::size_t>(curve)];
+    int& common = common_[curve];
     common = std::max(common, segment + 1);
   };
   for (const BetweenCurves& between : quadratic.between) {
@@ -75,9 +75,9 @@ void FrontSchedule::FindCrossings(const QuadraticModel& quadratic) {
       const SegmentPair& on = between.groups[g];
       const auto pair = static_cast<int>(k);
       const auto group = static_cast<int>(g);
-      crossings_[static_cast<std::size_t>(between.inner)].push_back(
+      crossings_[between.inner].push_back(
           {on.inner, between.outer, on.outer, pair, group, 0, false});
-      crossings_[static_cast<std::size_t>(between.outer)].push_back(
+      crossings_[between.outer].push_back(
           {on.outer, between.inner, on.inner, pair, group, 1, false});
     }
   }
@@ -99,11 +99,11 @@ int FrontSchedule::BlockOf(int curve, int segment) {
       free = b;
       continue;
     }
-    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Block& block = blocks_[b];
     if (block.curve == curve && block.segment == segment) return b;
   }
   if (free < 0) return -1;
-  blocks_[static_cast<std::size_t>(free)] = {curve, segment};
+  blocks_[free] = {curve, segment};
   Add(Kind::kOpen, curve).block = free;
   open_ |= std::uint64_t{1} << free;
   return free;
@@ -111,7 +111,7 @@ int FrontSchedule::BlockOf(int curve, int segment) {
 
 void FrontSchedule::CloseBlock(int curve, int segment) {
   for (int b = 0; b < kMostOpenBlocks; ++b) {
-    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Block& block = blocks_[b];
     if ((open_ >> b & 1) == 0 || block.curve != curve || block.segment != segment) continue;
     open_ &= ~(std::uint64_t{1} << b);
     FrontOperation& operation = Add(Kind::kClose, curve);
@@ -124,19 +124,18 @@ void FrontSchedule::CloseBlock(int curve, int segment) {
 // Instrument whose spin a contact couples with the spins and steps of a block's segment, or -1. A
 // block has the spin of one surface.
 int FrontSchedule::SurfaceOf(int block, const Crossing& crossing, const QuadraticModel& quadratic) {
-  const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(crossing.pair)];
-  const auto group = static_cast<std::size_t>(crossing.group);
+  const BetweenCurves& between = quadratic.between[crossing.pair];
+  const int group = crossing.group;
   if (between.spin_terms.empty() || !between.spin_terms[group].any) return -1;
-  const int surface =
-      between.spin_terms[group].surface[static_cast<std::size_t>(1 - crossing.side)];
-  int& of_block = blocks_[static_cast<std::size_t>(block)].surface;
+  const int surface = between.spin_terms[group].surface[1 - crossing.side];
+  int& of_block = blocks_[block].surface;
   if (of_block < 0) of_block = surface;
   return surface == of_block ? surface : -1;
 }
 
 // Marks the other end of a contact whose ends act alone.
 void FrontSchedule::Divide(const Crossing& crossing) {
-  for (Crossing& other : crossings_[static_cast<std::size_t>(crossing.other_curve)]) {
+  for (Crossing& other : crossings_[crossing.other_curve]) {
     if (other.pair == crossing.pair && other.group == crossing.group &&
         other.side != crossing.side) {
       other.ends = true;
@@ -146,10 +145,9 @@ void FrontSchedule::Divide(const Crossing& crossing) {
 
 // Adds the contacts that cross at a segment which its curve is about to advance over.
 void FrontSchedule::Cross(int curve, int segment, const QuadraticModel& quadratic) {
-  const auto c = static_cast<std::size_t>(curve);
   CloseBlock(curve, segment);
-  for (int& k = next_crossing_[c]; k > 0; --k) {
-    const Crossing& crossing = crossings_[c][static_cast<std::size_t>(k) - 1];
+  for (int& k = next_crossing_[curve]; k > 0; --k) {
+    const Crossing& crossing = crossings_[curve][k - 1];
     if (crossing.segment != segment) return;
     if (!crossing.ends && IsPassed(crossing.other_curve, crossing.other_segment)) continue;
     const int block = crossing.ends ? -1 : BlockOf(crossing.other_curve, crossing.other_segment);
@@ -164,18 +162,17 @@ void FrontSchedule::Cross(int curve, int segment, const QuadraticModel& quadrati
 }
 
 void FrontSchedule::AdvanceTo(int curve, int cut, const QuadraticModel& quadratic) {
-  const auto c = static_cast<std::size_t>(curve);
-  while (cuts_[c] > cut) {
-    const int segment = cuts_[c] - 1;
-    if (!crossings_[c].empty()) Cross(curve, segment, quadratic);
-    of_segments_[c][static_cast<std::size_t>(segment)] = static_cast<int>(operations_.size());
+  while (cuts_[curve] > cut) {
+    const int segment = cuts_[curve] - 1;
+    if (!crossings_[curve].empty()) Cross(curve, segment, quadratic);
+    of_segments_[curve][segment] = static_cast<int>(operations_.size());
     FrontOperation& operation = Add(Kind::kAdvance, curve);
     operation.index = segment;
     operation.gains_at = gains_;
     if (open_ != 0) {
-      gains_ += static_cast<std::size_t>(block_rows_ * controls_[c] * std::popcount(open_));
+      gains_ += static_cast<std::size_t>(block_rows_ * controls_[curve] * std::popcount(open_));
     }
-    --cuts_[c];
+    --cuts_[curve];
   }
 }
 
@@ -193,10 +190,9 @@ void FrontSchedule::Make(const WireState& state, const QuadraticModel& quadratic
     left_[k] = between[k].ordered ? static_cast<int>(between[k].groups.size()) : 0;
   }
   for (std::size_t k = NextPair(between, left_); k < between.size(); k = NextPair(between, left_)) {
-    const auto group = static_cast<std::size_t>(--left_[k]);
+    const int group = --left_[k];
     const SegmentPair& pair = between[k].groups[group];
-    assert(cuts_[static_cast<std::size_t>(between[k].inner)] > pair.inner &&
-           cuts_[static_cast<std::size_t>(between[k].outer)] > pair.outer);
+    assert(cuts_[between[k].inner] > pair.inner && cuts_[between[k].outer] > pair.outer);
     AdvanceTo(between[k].inner, pair.inner + 1, quadratic);
     AdvanceTo(between[k].outer, pair.outer + 1, quadratic);
     of_groups_[k][group] = static_cast<int>(operations_.size());

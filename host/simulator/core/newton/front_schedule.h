@@ -57,20 +57,16 @@ class FrontSchedule {
 
   const std::vector<FrontOperation>& operations() const { return operations_; }
   /// Number of segments of a curve in the common front; the segments beyond have no contact.
-  int common(int curve) const { return common_[static_cast<std::size_t>(curve)]; }
+  int common(int curve) const { return common_[curve]; }
   /// Number of the operation that eliminates a segment; -1 for segments beyond all contacts.
-  int OperationOf(int curve, int segment) const {
-    return of_segments_[static_cast<std::size_t>(curve)][static_cast<std::size_t>(segment)];
-  }
+  int OperationOf(int curve, int segment) const { return of_segments_[curve][segment]; }
   /// Number of the first operation that depends on a group of QuadraticModel::between[pair] or on
   /// one before it. 0 for curves that cross: the order depends on the groups that act.
-  int OperationOfGroup(int pair, int group) const {
-    return of_groups_[static_cast<std::size_t>(pair)][static_cast<std::size_t>(group)];
-  }
+  int OperationOfGroup(int pair, int group) const { return of_groups_[pair][group]; }
   /// True if blocks are open before an operation.
   bool IsOpenAt(int operation) const {
     if (operation >= static_cast<int>(operations_.size())) return false;
-    const FrontOperation& at = operations_[static_cast<std::size_t>(operation)];
+    const FrontOperation& at = operations_[operation];
     return at.open != 0 || at.kind == FrontOperation::Kind::kClose;
   }
   /// Number of gains of open rows.
@@ -96,9 +92,7 @@ class FrontSchedule {
   int BlockOf(int curve, int segment);
   int SurfaceOf(int block, const Crossing& crossing, const QuadraticModel& quadratic);
   void Divide(const Crossing& crossing);
-  bool IsPassed(int curve, int segment) const {
-    return cuts_[static_cast<std::size_t>(curve)] <= segment;
-  }
+  bool IsPassed(int curve, int segment) const { return cuts_[curve] <= segment; }
   FrontOperation& Add(FrontOperation::Kind kind, int curve);
 
   // Segment for which a block stands.

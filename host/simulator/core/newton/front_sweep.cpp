@@ -41,7 +41,7 @@ FrontSweep::FrontSweep(std::vector<const WireModel*> rods,
     const WireModel& rod = *rods_[c];
     slot_at_[c] = rows_;
     for (int m = 0; m < rod.spins(); ++m) {
-      spin_rows_[static_cast<std::size_t>(rod.first_spin() + m)] = rows_ + 5 + m;
+      spin_rows_[rod.first_spin() + m] = rows_ + 5 + m;
     }
     rows_ += SlotRows(rod.spins());
     controls_[c] = SlotControls(rod.spins());
@@ -59,22 +59,21 @@ FrontSweep::FrontSweep(std::vector<const WireModel*> rods,
 }
 
 FrontSegment FrontSweep::Inputs::Segment(int i) const {
-  const auto k = static_cast<std::size_t>(i);
   const int from_tip = curve->segments() - i;
   FrontSegment segment{.length_mm = curve->SegmentLength(*model, i),
-                       .frame = at->frames[k],
-                       .tangent = curve->tangents()[k],
-                       .joint = at->joints[k]};
-  if (const int load = at->load_index[k]; load >= 0) {
-    segment.load = &at->loads[static_cast<std::size_t>(load)];
+                       .frame = at->frames[i],
+                       .tangent = curve->tangents()[i],
+                       .joint = at->joints[i]};
+  if (const int load = at->load_index[i]; load >= 0) {
+    segment.load = &at->loads[load];
   }
-  if (!at->turns.empty()) segment.turn = &at->turns[k];
+  if (!at->turns.empty()) segment.turn = &at->turns[i];
   // The softer of its two joints determines the weight.
   segment.bend_weight_mJ =
       weight * std::min(model->rigidity_N_mm2(from_tip), model->rigidity_N_mm2(from_tip - 1));
   const int count = model->spins();
   if (count == 0) return segment;
-  segment.spins = &spins[k];
+  segment.spins = &spins[i];
   if (model->twists()) {
     segment.spin_weight_mJ[0] = weight * std::min(model->torsional_rigidity_N_mm2(from_tip),
                                                   model->torsional_rigidity_N_mm2(from_tip - 1));
@@ -82,8 +81,8 @@ FrontSegment FrontSweep::Inputs::Segment(int i) const {
   }
   const WireModel::TwistingJoint& before = model->twisting_joint(from_tip);
   const WireModel::TwistingJoint& beyond = model->twisting_joint(from_tip - 1);
-  const auto first = static_cast<std::size_t>(model->first_spin());
-  for (std::size_t m = 0; m < static_cast<std::size_t>(count); ++m) {
+  const int first = model->first_spin();
+  for (int m = 0; m < count; ++m) {
     const std::size_t spin = first + m;
     segment.spin_weight_mJ[m] = weight * std::min(before.of[spin].torsional_rigidity_N_mm2,
                                                   beyond.of[spin].torsional_rigidity_N_mm2);
@@ -93,7 +92,7 @@ FrontSegment FrontSweep::Inputs::Segment(int i) const {
 
 // Writes the twist of a lone wire as that of a stack of one.
 void FrontSweep::TakeTwists(int curve) {
-  Inputs& inputs = inputs_[static_cast<std::size_t>(curve)];
+  Inputs& inputs = inputs_[curve];
   if (!inputs.model->twists()) {
     inputs.spins = inputs.at->stack.data();
     return;
@@ -119,10 +118,10 @@ void FrontSweep::TakeTwists(int curve) {
 // Sweeps the segments beyond all contacts.
 template <int kSpins>
 bool FrontSweep::SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond) {
-  const auto c = static_cast<std::size_t>(curve);
-  for (int i = inputs_[c].curve->segments() - 1; i >= schedule_.common(curve); --i) {
-    const auto k = static_cast<std::size_t>(i);
-    if (!beyond.template Advance<0, 0, kSpins>(inputs_[c].Segment(i), gains_[c][k])) return false;
+  for (int i = inputs_[curve].curve->segments() - 1; i >= schedule_.common(curve); --i) {
+    if (!beyond.template Advance<0, 0, kSpins>(inputs_[curve].Segment(i), gains_[curve][i])) {
+      return false;
+    }
   }
   return true;
 }
@@ -130,7 +129,7 @@ bool FrontSweep::SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond) {
 template <int kSlot, int kAt, int kSpins, int kRows>
 bool FrontSweep::Advance(const FrontOperation& operation, Front<kRows>& front) {
   const FrontSegment segment = inputs_[kSlot].Segment(operation.index);
-  FrontGain& gain = gains_[kSlot][static_cast<std::size_t>(operation.index)];
+  FrontGain& gain = gains_[kSlot][operation.index];
   if (operation.open == 0) return front.template Advance<kSlot, kAt, kSpins>(segment, gain);
   open_.Substitute(segment, kSpins, kAt, operation.open);
   PivotInverse inverse;
@@ -150,13 +149,12 @@ void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quad
     return open_.Close(operation.block, operation.open, RowsOf(operation.curve, operation.surface),
                        front);
   }
-  const BetweenCurves& between = quadratic.between[static_cast<std::size_t>(operation.pair)];
-  const auto group = static_cast<std::size_t>(operation.index);
+  const BetweenCurves& between = quadratic.between[operation.pair];
+  const int group = operation.index;
   const BetweenCurves::Terms& terms = between.terms[group];
   if (operation.kind == Kind::kTouch) {
-    const typename Front<kRows>::Slots slots{between.inner, between.outer,
-                                             slot_at_[static_cast<std::size_t>(between.inner)],
-                                             slot_at_[static_cast<std::size_t>(between.outer)]};
+    const typename Front<kRows>::Slots slots{between.inner, between.outer, slot_at_[between.inner],
+                                             slot_at_[between.outer]};
     if (terms.any) front.Touch(terms, slots);
     if (!between.spin_terms.empty() && between.spin_terms[group].any) {
       front.Touch(between.spin_terms[group], slots, spin_rows_);
@@ -168,8 +166,7 @@ void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quad
       between.spin_terms.empty() || !between.spin_terms[group].any ? nullptr
                                                                    : &between.spin_terms[group];
   const CrossingTerms crossing{terms, spins};
-  const int surface =
-      spins == nullptr ? -1 : spins->surface[static_cast<std::size_t>(operation.side)];
+  const int surface = spins == nullptr ? -1 : spins->surface[operation.side];
   const SideRows own = RowsOf(operation.curve, surface);
   if (operation.kind == Kind::kWait) {
     open_.Wait(crossing, operation.side, operation.block, operation.surface >= 0, own, front);
@@ -180,9 +177,7 @@ void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quad
 
 // Rows of a curve's slot, with those of the spin of an instrument, or -1 without.
 SideRows FrontSweep::RowsOf(int curve, int surface) const {
-  return {.curve = curve,
-          .at = slot_at_[static_cast<std::size_t>(curve)],
-          .spin = surface < 0 ? -1 : spin_rows_[static_cast<std::size_t>(surface)]};
+  return {.curve = curve, .at = slot_at_[curve], .spin = surface < 0 ? -1 : spin_rows_[surface]};
 }
 
 // `kSpins`: of each curve.
@@ -193,7 +188,7 @@ bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
   constexpr auto kAt = [](int curve) {
     constexpr std::array<int, kCurves> kOf = {kSpins...};
     int at = 0;
-    for (int c = 0; c < curve; ++c) at += SlotRows(kOf[static_cast<std::size_t>(c)]);
+    for (int c = 0; c < curve; ++c) at += SlotRows(kOf[c]);
     return at;
   };
   using AnyFront = Front<kAt(kCurves)>;
@@ -219,17 +214,16 @@ bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
   };
   if (first > 0) {
     assert(first % kSpacing == 0);
-    std::memcpy(&front, checkpoints_[static_cast<std::size_t>(first / kSpacing)].front,
-                sizeof front);
+    std::memcpy(&front, checkpoints_[first / kSpacing].front, sizeof front);
   } else if (!begin(kEach)) {
     return false;
   }
   const std::vector<FrontOperation>& operations = schedule_.operations();
   for (int k = first; k < static_cast<int>(operations.size()); ++k) {
     if (k % kSpacing == 0) {
-      std::memcpy(checkpoints_[static_cast<std::size_t>(k / kSpacing)].front, &front, sizeof front);
+      std::memcpy(checkpoints_[k / kSpacing].front, &front, sizeof front);
     }
-    const FrontOperation& operation = operations[static_cast<std::size_t>(k)];
+    const FrontOperation& operation = operations[k];
     if (operation.kind != FrontOperation::Kind::kAdvance) {
       Add(operation, quadratic, front);
     } else if (!advance(kEach, operation)) {
@@ -244,7 +238,7 @@ bool FrontSweep::Sweep(const WireState& state, const QuadraticModel& quadratic, 
                        int first) {
   int key = 0;  // spins of the curves as decimal digits, after a 1
   for (int c = 0; c < state.curves(); ++c) {
-    Inputs& inputs = inputs_[static_cast<std::size_t>(c)];
+    Inputs& inputs = inputs_[c];
     inputs.curve = &state.curve(c);
     inputs.at = &quadratic.curve(c);
     inputs.weight = weight;
@@ -296,7 +290,7 @@ bool FrontSweep::Sweep(const WireState& state, const QuadraticModel& quadratic, 
 
 bool FrontSweep::Factor(const WireState& state, const QuadraticModel& quadratic, double weight) {
   for (int c = 0; c < state.curves(); ++c) {
-    gains_[static_cast<std::size_t>(c)].resize(state.curve(c).tangents().size());
+    gains_[c].resize(state.curve(c).tangents().size());
   }
   schedule_.Make(state, quadratic, controls_);
   open_gains_.resize(schedule_.gains());
@@ -344,7 +338,7 @@ struct Moved {
   CurveStep& step;
 
   void Begin() const {
-    const auto n = static_cast<std::size_t>(curve.segments());
+    const int n = curve.segments();
     step.xi.resize(n);
     step.spin.resize(n * static_cast<std::size_t>(model.spins()));
     step.displacement_mm.resize(n);
@@ -353,27 +347,26 @@ struct Moved {
   // Moves the slot from cut i to cut i + 1. `slots`: the arguments of the gain; `rows`: their
   // number. `open`: the gains of the open rows.
   void Advance(int i, const double* slots, int rows, const OpenArguments& open) const {
-    const auto k = static_cast<std::size_t>(i);
     const int spins = model.spins();
     double control[kMostControls] = {};
     for (int c = 0; c < SlotControls(spins); ++c) {
-      double sum = gains[k].constant[c];
-      for (int r = 0; r < rows; ++r) sum += gains[k].of_slots[c][r] * slots[r];
+      double sum = gains[i].constant[c];
+      for (int r = 0; r < rows; ++r) sum += gains[i].of_slots[c][r] * slots[r];
       control[c] = -(sum + open.Sum(c));
     }
     const Vector2d xi(control[0], control[1]);
-    step.displacement_mm[k] = {slot[0], slot[1], slot[2]};
-    step.xi[k] = xi;
-    const Vector3d moved = curve.SegmentLength(model, i) * (at.frames[k] * xi);
+    step.displacement_mm[i] = {slot[0], slot[1], slot[2]};
+    step.xi[i] = xi;
+    const Vector3d moved = curve.SegmentLength(model, i) * (at.frames[i] * xi);
     for (int d = 0; d < 3; ++d) slot[d] += moved[d];
     if (!at.turns.empty()) {
-      slot[5] += at.turns[k].proximal.dot(Vector2d(slot[3], slot[4])) + at.turns[k].distal.dot(xi);
+      slot[5] += at.turns[i].proximal.dot(Vector2d(slot[3], slot[4])) + at.turns[i].distal.dot(xi);
     }
     slot[3] = xi[0];
     slot[4] = xi[1];
     for (int m = 0; m < spins; ++m) {
       slot[5 + m] = control[2 + m];
-      step.spin[k * static_cast<std::size_t>(spins) + static_cast<std::size_t>(m)] = control[2 + m];
+      step.spin[i * spins + m] = control[2 + m];
     }
   }
 };
@@ -384,9 +377,8 @@ double FrontSweep::Step(const WireState& state, const QuadraticModel& quadratic,
                         std::vector<CurveStep>& steps) {
   double slots[kMostFrontRows] = {};
   const auto moved = [&](int curve) {
-    const auto c = static_cast<std::size_t>(curve);
-    return Moved{slots + slot_at_[c],    *rods_[c], state.curve(curve),
-                 quadratic.curve(curve), gains_[c], steps[c]};
+    return Moved{slots + slot_at_[curve], *rods_[curve], state.curve(curve),
+                 quadratic.curve(curve),  gains_[curve], steps[curve]};
   };
   for (int c = 0; c < state.curves(); ++c) moved(c).Begin();
   // The order is opposite to that of the sweep.
@@ -406,7 +398,7 @@ double FrontSweep::Step(const WireState& state, const QuadraticModel& quadratic,
   }
   for (int c = 0; c < state.curves(); ++c) {
     const Moved alone = moved(c);
-    const int own_rows = SlotRows(rods_[static_cast<std::size_t>(c)]->spins());
+    const int own_rows = SlotRows(rods_[c]->spins());
     for (int i = schedule_.common(c); i < state.curve(c).segments(); ++i) {
       alone.Advance(i, alone.slot, own_rows, {});
     }

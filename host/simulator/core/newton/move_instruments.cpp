@@ -60,7 +60,7 @@ Eigen::Vector3d Across(const Eigen::Vector3d& direction, const Eigen::Vector3d& 
 // shaft.
 const Eigen::Vector3d& FedAlong(const WireModel& rod, const Curve& curve, int segment) {
   const int shaft = std::max(1, curve.segments() - rod.tip_segments());
-  return curve.tangents()[static_cast<std::size_t>(std::min(segment, shaft - 1))];
+  return curve.tangents()[std::min(segment, shaft - 1)];
 }
 
 }  // namespace
@@ -75,8 +75,8 @@ PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mec
     const Curve& inner = state.curve(pair.inner);
     const Curve& outer = state.curve(pair.outer);
     for (const BetweenCurves::Neighbor& neighbor : pair.neighbors) {
-      const SegmentPair& on = pair.groups[static_cast<std::size_t>(neighbor.group)];
-      const Eigen::Vector3d& along = outer.tangents()[static_cast<std::size_t>(on.outer)];
+      const SegmentPair& on = pair.groups[neighbor.group];
+      const Eigen::Vector3d& along = outer.tangents()[on.outer];
       const double apart_mm = std::max(neighbor.apart_mm, neighbor.touching_mm / 2);
       const double across =
           Across(FedAlong(mechanics.model(pair.inner), inner, on.inner), along).norm() +
@@ -100,8 +100,7 @@ void MoveInstruments(const InstrumentPoses& next, double predicted_mm, Instrumen
       mechanics.points(c).UpdateRadii();
       curve.MoveInstruments(stack.rod(c), next);
     }
-    predictions[static_cast<std::size_t>(c)].Feed(stack.rod(c), stack.Reach(c, next), predicted_mm,
-                                                  curve);
+    predictions[c].Feed(stack.rod(c), stack.Reach(c, next), predicted_mm, curve);
   }
   if (alone) state.Rotate(next[0].rotation_rad);
 }
@@ -114,7 +113,7 @@ void MoveSurfaces(const InstrumentStack& stack, const InstrumentPoses& here,
   for (int c = 0; c < stack.curves(); ++c) {
     const double fed_mm = stack.Reach(c, next) - stack.Reach(c, here);
     for (int k = stack.OnCurve(c).first; k < stack.OnCurve(c).last; ++k) {
-      SurfaceMove& move = moves[static_cast<std::size_t>(k)];
+      SurfaceMove& move = moves[k];
       move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
       if (turns) move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
       any = any || move.along_mm != 0 || move.turn_rad != 0;

@@ -5,7 +5,7 @@
 namespace torquer {
 
 void NewtonMemory::Reserve(const WireMechanics& mechanics) {
-  const auto curves = static_cast<std::size_t>(mechanics.curves());
+  const int curves = mechanics.curves();
   active_sets.reserve(curves);
   feeds.reserve(curves);
   travels.reserve(curves);

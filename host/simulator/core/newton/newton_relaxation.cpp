@@ -180,9 +180,8 @@ void NewtonMethod<Sweep>::FollowVessel(WireState& state) {
   const double travel_mm = field_.LastTravelMm();
   const double most_mm = FindPassingLimits(state, mechanics_, memory_.current.between).predicted_mm;
   for (int c = 0; c < state.curves(); ++c) {
-    memory_.feeds[static_cast<std::size_t>(c)].Finish(state.curve(c));
-    memory_.travels[static_cast<std::size_t>(c)].Travel(mechanics_.model(c), travel_mm, most_mm,
-                                                        state.curve(c));
+    memory_.feeds[c].Finish(state.curve(c));
+    memory_.travels[c].Travel(mechanics_.model(c), travel_mm, most_mm, state.curve(c));
   }
 }
 
@@ -245,7 +244,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
     MoveSurfaces(stack(), here, next, model_.spins() == 0, memory_.current, terms_);
   }
   for (int c = 0; c < state.curves(); ++c) {
-    memory_.active_sets[static_cast<std::size_t>(c)].RememberPressed(memory_.current.curve(c));
+    memory_.active_sets[c].RememberPressed(memory_.current.curve(c));
   }
   MoveInstruments(next, limits.predicted_mm, stack(), memory_.feeds, mechanics_, state);
 

@@ -8,7 +8,7 @@ namespace torquer {
 OpenRows::OpenRows(bool any, bool twist)
     : block_rows_(twist ? kMostBlockRows : CrossingTerms::kSteps) {
   if (!any) return;
-  const auto rows = static_cast<std::size_t>(block_rows_ * kMostOpenBlocks);
+  const int rows = block_rows_ * kMostOpenBlocks;
   x_.resize(rows * kMostFrontRows);
   r_.resize(rows * (rows + 1) / 2);
   gradient_.resize(rows);
@@ -18,9 +18,9 @@ OpenRows::OpenRows(bool any, bool twist)
 
 void OpenRows::Open(int block, std::uint64_t open) {
   const int first = block_rows_ * block;
-  force_N_[static_cast<std::size_t>(block)].setZero();
+  force_N_[block].setZero();
   for (int row = first; row < first + block_rows_; ++row) {
-    gradient_[static_cast<std::size_t>(row)] = 0;
+    gradient_[row] = 0;
     std::fill_n(X(row), kMostFrontRows, 0.0);
     ForEach(open, [&](int other) {
       for (int m = block_rows_ * other; m < block_rows_ * (other + 1); ++m) Coupling(row, m) = 0;
@@ -68,7 +68,7 @@ void OpenRows::Eliminate(const FrontGain& gain, const PivotInverse& inverse, int
   ForEach(open, [&](int block) {
     for (int row = block_rows_ * block; row < block_rows_ * (block + 1); ++row, ++k) {
       double* const x = X(row);
-      double& gradient = gradient_[static_cast<std::size_t>(row)];
+      double& gradient = gradient_[row];
       for (int c = 0; c < controls; ++c) {
         const double with = f[c][k];
         gradient -= with * gain.constant[c];

@@ -86,8 +86,7 @@ class OpenRows {
   double* X(int row) { return &x_[static_cast<std::size_t>(row) * kMostFrontRows]; }
   // Lower triangle: column <= row.
   double& R(int row, int column) {
-    const auto r = static_cast<std::size_t>(row);
-    return r_[r * (r + 1) / 2 + static_cast<std::size_t>(column)];
+    return r_[row * (row + 1) / 2 + column];
   }
   double& Coupling(int row, int column) { return row < column ? R(column, row) : R(row, column); }
   // Calls act(block) for each open block.
@@ -144,13 +143,12 @@ void OpenRows::Wait(const CrossingTerms& terms, int side, int block, bool with_s
     for (int b = 0; b < rows; ++b) X(first + b)[own[a]] += terms.Hessian(other, b, side, a);
   }
   for (int a = 0; a < rows; ++a) {
-    gradient_[static_cast<std::size_t>(first + a)] += terms.Gradient(other, a);
+    gradient_[first + a] += terms.Gradient(other, a);
     for (int b = 0; b <= a; ++b) R(first + a, first + b) += terms.Hessian(other, a, other, b);
   }
   for (int d = 0; d < 3; ++d) {
     front.force_N[own.curve][d] += terms.terms.force[CrossingTerms::kSteps * side + d];
-    force_N_[static_cast<std::size_t>(block)][d] +=
-        terms.terms.force[CrossingTerms::kSteps * other + d];
+    force_N_[block][d] += terms.terms.force[CrossingTerms::kSteps * other + d];
   }
 }
 
@@ -166,7 +164,7 @@ void OpenRows::Close(int block, std::uint64_t open, const SideRows& own, Front<k
     for (int b = 0; b < own.count(); ++b) {
       front.p[own[a]][own[b]] += Coupling(first + a, first + b);
     }
-    front.g[own[a]] += gradient_[static_cast<std::size_t>(first + a)];
+    front.g[own[a]] += gradient_[first + a];
     ForEach(open, [&](int other) {
       for (int row = block_rows_ * other; row < block_rows_ * (other + 1); ++row) {
         X(row)[own[a]] += Coupling(row, first + a);
@@ -174,7 +172,7 @@ void OpenRows::Close(int block, std::uint64_t open, const SideRows& own, Front<k
     });
   }
   for (int d = 0; d < 3; ++d) {
-    front.force_N[own.curve][d] += force_N_[static_cast<std::size_t>(block)][d];
+    front.force_N[own.curve][d] += force_N_[block][d];
   }
 }
 

@@ -49,7 +49,7 @@ bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const Curve& curve,
   const int checkpoint = last_changed / kSpacing + 1;
   if (checkpoint * kSpacing >= curve.segments()) return Factor(model, curve, quadratic, weight);
   return Sweep(model, curve, quadratic, weight, checkpoint * kSpacing - 1,
-               checkpoints_[static_cast<std::size_t>(checkpoint)]);
+               checkpoints_[checkpoint]);
 }
 
 // Eliminates the spin. Its couplings: b with dx, xi, the step and the spin before.
@@ -288,7 +288,7 @@ bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const Curve& curve,
     }
     if (!Eliminate<kSpin>(cost, gain)) return false;
     Propagate<kSpin>(cost, gain, v);
-    if (i % kSpacing == 0) checkpoints_[static_cast<std::size_t>(i / kSpacing)] = v;
+    if (i % kSpacing == 0) checkpoints_[i / kSpacing] = v;
   }
   predicted_decrease_ = v.decrease;
   return true;
@@ -316,9 +316,9 @@ void RiccatiSweep<Stage>::StepWith(const WireModel& model, const Curve& curve,
                                    std::vector<double>& spin,
                                    std::vector<Vector3d>& displacement_mm) const {
   const int n = curve.segments();
-  step.resize(static_cast<std::size_t>(n));
-  displacement_mm.resize(static_cast<std::size_t>(n));
-  if constexpr (kSpin == Spin::kFree) spin.resize(static_cast<std::size_t>(n));
+  step.resize(n);
+  displacement_mm.resize(n);
+  if constexpr (kSpin == Spin::kFree) spin.resize(n);
   double zeta = 0;
   Pair xi = Both(0);
   Pair dx[3] = {Both(0), Both(0), Both(0)};

@@ -18,10 +18,10 @@ constexpr double kNotFound = std::numeric_limits<double>::quiet_NaN();
 // Largest displacement of a node by a step, plus its `shift_mm` if given.
 double LongestMm(const WireModel& model, const Curve& curve, const CurveQuadraticModel& at,
                  const CurveStep& step, const std::vector<Vector3d>* shift_mm = nullptr) {
-  const auto n = static_cast<std::size_t>(curve.segments());
+  const int n = curve.segments();
   if (n == 0) return 0;
   double squared = 0;
-  for (std::size_t i = 0; i <= n; ++i) {
+  for (int i = 0; i <= n; ++i) {
     Vector3d moved_mm;
     if (i < n) {
       moved_mm = step.displacement_mm[i];
@@ -57,9 +57,8 @@ StepSolver<Sweep>::StepSolver(const WireMechanics& mechanics)
   for (int c = 0; c < curves(); ++c) {
     const WireModel& model = mechanics.model(c);
     for (std::vector<CurveStep>* steps : {&steps_, &best_}) {
-      (*steps)[static_cast<std::size_t>(c)].Reserve(
-          static_cast<std::size_t>(model.max_segments()) + 1,
-          static_cast<std::size_t>(model.spins()));
+      (*steps)[c].Reserve(static_cast<std::size_t>(model.max_segments()) + 1,
+                          static_cast<std::size_t>(model.spins()));
     }
   }
   for (const BetweenCurves& between : mechanics.MakeQuadraticModel().between) {
@@ -101,7 +100,7 @@ template <class Sweep>
 void StepSolver<Sweep>::TakeLoads(const WireState& state, const std::vector<ActiveSet>& wall_sets,
                                   QuadraticModel& at) const {
   for (int c = 0; c < curves(); ++c) {
-    mechanics_.SumActiveLoads(state, c, wall_sets[static_cast<std::size_t>(c)].active(), at);
+    mechanics_.SumActiveLoads(state, c, wall_sets[c].active(), at);
   }
   for (std::size_t k = 0; k < between_sets_.size(); ++k) {
     WireMechanics::SumActiveBetween(between_sets_[k].active(), at.between[k]);
@@ -112,7 +111,7 @@ template <class Sweep>
 void StepSolver<Sweep>::Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets,
                               QuadraticModel& at) {
   for (int c = 0; c < curves(); ++c) {
-    wall_sets[static_cast<std::size_t>(c)].Begin(moved, at.curve(c));
+    wall_sets[c].Begin(moved, at.curve(c));
   }
   for (std::size_t k = 0; k < between_sets_.size(); ++k) between_sets_[k].Begin(at.between[k]);
   TakeLoads(state, wall_sets, at);
@@ -124,9 +123,8 @@ bool StepSolver<Sweep>::AnyWrong(const WireState& state, const QuadraticModel& a
                                  std::vector<ActiveSet>& wall_sets) {
   bool any = false;
   for (int c = 0; c < curves(); ++c) {
-    const auto k = static_cast<std::size_t>(c);
-    wall_sets[k].Look(state.curve(c), at.curve(c), steps_[k]);
-    any = any || wall_sets[k].is_wrong();
+    wall_sets[c].Look(state.curve(c), at.curve(c), steps_[c]);
+    any = any || wall_sets[c].is_wrong();
   }
   for (std::size_t k = 0; k < between_sets_.size(); ++k) {
     between_sets_[k].Look(state, mechanics_, at, at.between[k], steps_);
@@ -144,7 +142,7 @@ int StepSolver<Sweep>::UpdateSets(const QuadraticModel& at, std::vector<ActiveSe
     bool any = false;
     int first = std::numeric_limits<int>::max();
     for (int c = 0; c < curves(); ++c) {
-      const int segment = wall_sets[static_cast<std::size_t>(c)].Update(at.curve(c));
+      const int segment = wall_sets[c].Update(at.curve(c));
       if (segment < 0) continue;
       any = true;
       first = std::min(first, sweep_.schedule().OperationOf(c, segment));
@@ -255,7 +253,7 @@ template <class Sweep>
 void StepSolver<Sweep>::Apply(const WireState& state, const QuadraticModel& at, double scale,
                               WireState& trial) const {
   for (int c = 0; c < curves(); ++c) {
-    const CurveStep& step = steps_[static_cast<std::size_t>(c)];
+    const CurveStep& step = steps_[c];
     trial.curve(c).Step(mechanics_.model(c), state.curve(c), at.curve(c).frames, step.xi, step.spin,
                         scale);
   }
@@ -276,16 +274,15 @@ double StepSolver<Sweep>::PassingScale(const WireState& state, const QuadraticMo
   constexpr double kFractionOfDistance = 0.5;
   constexpr double kFractionOfTouching = 0.25;  // for curves that are almost in one place
   const auto moved_mm = [&](int curve, int segment, double past_mm) {
-    const CurveStep& step = steps_[static_cast<std::size_t>(curve)];
-    const auto i = static_cast<std::size_t>(segment);
-    return Vector3d(step.displacement_mm[i] + at.curve(curve).frames[i] * (past_mm * step.xi[i]));
+    const CurveStep& step = steps_[curve];
+    return Vector3d(step.displacement_mm[segment] +
+                    at.curve(curve).frames[segment] * (past_mm * step.xi[segment]));
   };
   double scale = 1;
   for (const BetweenCurves& between : at.between) {
     for (const BetweenCurves::Neighbor& neighbor : between.neighbors) {
-      const SegmentPair& on = between.groups[static_cast<std::size_t>(neighbor.group)];
-      const Vector3d& along =
-          state.curve(between.outer).tangents()[static_cast<std::size_t>(on.outer)];
+      const SegmentPair& on = between.groups[neighbor.group];
+      const Vector3d& along = state.curve(between.outer).tangents()[on.outer];
       const Vector3d apart_mm = moved_mm(between.inner, on.inner, neighbor.past_mm) -
                                 moved_mm(between.outer, on.outer, neighbor.foot_mm);
       const double across_mm = (apart_mm - apart_mm.dot(along) * along).norm();
@@ -308,9 +305,8 @@ double StepSolver<Sweep>::LongestMoveMm(const WireState& state, const QuadraticM
                                         const std::vector<Vector3d>* shift_mm) const {
   double longest_mm = 0;
   for (int c = 0; c < curves(); ++c) {
-    longest_mm = std::max(
-        longest_mm, LongestMm(mechanics_.model(c), state.curve(c), at.curve(c),
-                              steps_[static_cast<std::size_t>(c)], c == 0 ? shift_mm : nullptr));
+    longest_mm = std::max(longest_mm, LongestMm(mechanics_.model(c), state.curve(c), at.curve(c),
+                                                steps_[c], c == 0 ? shift_mm : nullptr));
   }
   return longest_mm;
 }
@@ -328,7 +324,7 @@ void StepSolver<Sweep>::Push(const WireState& state, const QuadraticModel& at, W
   constexpr double kPush = 1e-4;  // largest turn of a segment, rad
   // All curves get the same push, because the inner instruments move along in the lumen.
   for (int c = 0; c < curves(); ++c) {
-    CurveStep& step = steps_[static_cast<std::size_t>(c)];
+    CurveStep& step = steps_[c];
     step.xi.resize(state.curve(c).tangents().size());
     std::uint32_t random = 1;
     for (Vector2d& xi : step.xi) {

@@ -7,7 +7,7 @@
 namespace torquer {
 
 TravelPrediction::TravelPrediction(const WireModel& model) : turns_(model) {
-  before_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+  before_.reserve(model.max_segments() + 1);
 }
 
 void TravelPrediction::Travel(const WireModel& model, double travel_mm, double most_mm,

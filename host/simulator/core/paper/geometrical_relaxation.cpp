@@ -216,7 +216,7 @@ bool GeometricalRelaxation::Begin(const WireState& state) {
   // Excludes the tip and every joint that rests curved; (22) at nu - 1 uses segment nu + 1.
   const int last =
       std::min(n - 1, n - std::max(model_.tip_segments(), model_.first_straight_joint()));
-  near_wall_.assign(static_cast<std::size_t>(n) + 1, 0);
+  near_wall_.assign(n + 1, 0);
   for (int i = 1; i <= last; ++i) {
     near_wall_[i] =
         field_.Clearance(state.nodes()[i]) - model_.radius_mm(n - i) < settings_.near_wall_mm;

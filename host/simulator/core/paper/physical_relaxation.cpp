@@ -15,7 +15,7 @@ PhysicalRelaxation::PhysicalRelaxation(const WireModel& model, const ClearanceFi
       wall_(wall),
       settings_(settings),
       lipschitz_(field.LipschitzBound()) {
-  free_mm_.reserve(static_cast<std::size_t>(model.max_segments()) + 2);
+  free_mm_.reserve(model.max_segments() + 2);
 }
 
 void PhysicalRelaxation::CopyFrom(const PhysicalRelaxation& twin) {

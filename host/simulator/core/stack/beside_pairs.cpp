@@ -86,7 +86,7 @@ void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
                       state.curve(pairs.outer),
                       with_spots_,
                       pairs};
-  pairs.groups[static_cast<std::size_t>(group)] = on;
+  pairs.groups[group] = on;
   for (std::vector<LumenPlace>* const places : {&pairs.places, &pairs.spots}) {
     for (LumenPlace& place : *places) {
       if (place.group == group) place = builder.Moved(place, on);
@@ -104,7 +104,7 @@ void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& stat
   }
   std::array<int, kMostInstruments> cuts = {};
   for (int c = 0; c < curves_; ++c) {
-    cuts[static_cast<std::size_t>(c)] = state.curve(c).segments();
+    cuts[c] = state.curve(c).segments();
   }
   for (std::size_t k = 0; k < pairs_.size(); ++k) {
     left_[k] = pairs_[k].ordered ? static_cast<int>(pairs_[k].groups.size()) : 0;
@@ -112,9 +112,9 @@ void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& stat
   for (std::size_t k = NextPair(pairs_, left_); k < pairs_.size(); k = NextPair(pairs_, left_)) {
     LumenPairs& pairs = pairs_[k];
     const int group = --left_[k];
-    int& inner_cut = cuts[static_cast<std::size_t>(pairs.inner)];
-    int& outer_cut = cuts[static_cast<std::size_t>(pairs.outer)];
-    const SegmentPair& on = pairs.groups[static_cast<std::size_t>(group)];
+    int& inner_cut = cuts[pairs.inner];
+    int& outer_cut = cuts[pairs.outer];
+    const SegmentPair& on = pairs.groups[group];
     const SegmentPair reached{std::min(on.inner, inner_cut - 1), std::min(on.outer, outer_cut - 1)};
     if (reached.inner < on.inner || reached.outer < on.outer) {
       MoveGroup(stack, state, reached, group, pairs);

@@ -37,21 +37,19 @@ struct Pressed {
     const Geometry& other = of.is_mouth ? inner : outer;
     const int segment = of.is_mouth ? of.outer_segment : of.segment;
     const int faced = of.is_mouth ? of.segment : of.outer_segment;
-    const auto i = static_cast<std::size_t>(segment);
-    const auto m = static_cast<std::size_t>(faced);
-    frame = own.frames[i];
-    foot_frame = other.frames[m];
+    frame = own.frames[segment];
+    foot_frame = other.frames[faced];
     const double length_mm = own.curve.SegmentLength(own.rod, segment);
     const double faced_mm = other.curve.SegmentLength(other.rod, faced);
-    const Vector3d& chord = other.curve.tangents()[m];
+    const Vector3d& chord = other.curve.tangents()[faced];
     const double past_end_mm = of.is_mouth ? 0 : of.past_mm - length_mm;
-    past_node = past_end_mm * own.curve.tangents()[i] + frame * of.bulge_mm;
+    past_node = past_end_mm * own.curve.tangents()[segment] + frame * of.bulge_mm;
     along = (chord + foot_frame * of.foot_slope).normalized();
     // The foot slides along that tangent.
     const Vector3d begin = ((of.is_mouth ? of.past_mm : of.foot_mm) - faced_mm) * chord +
                            foot_frame * of.foot_bulge_mm;
     const Vector3d apart =
-        own.curve.nodes()[i + 1] + past_node - other.curve.nodes()[m + 1] - begin;
+        own.curve.nodes()[segment + 1] + past_node - other.curve.nodes()[faced + 1] - begin;
     foot_past_node = begin + along.dot(apart) * along;
     foot_mm = faced_mm + chord.dot(foot_past_node);
     // A wire that folds back inside the lumen may not leave it through the sheath.
@@ -148,7 +146,7 @@ namespace {
 LumenContact& ContactAtPiece(const LumenPairs& pairs, const LumenPlace& place,
                              std::vector<LumenContact>& contacts) {
   const int piece = std::clamp(place.piece, pairs.spots.front().piece, pairs.spots.back().piece);
-  return contacts[static_cast<std::size_t>(piece)];
+  return contacts[piece];
 }
 
 // Contact at the spot of a place of curves that cross, or null without. `spot`: the next one.
@@ -211,7 +209,7 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
 }
 
 BetweenCurves::Terms& BetweenCurves::TermsOf(int group) {
-  Terms& to = terms[static_cast<std::size_t>(group)];
+  Terms& to = terms[group];
   if (to.any) return to;
   to.any = true;
   to.gradient.setZero();

@@ -103,9 +103,7 @@ StepMatrix Curvature(const AxisPlace& at, const Eigen::Vector2d& gradient, const
 
 // First normal of the surface of an instrument, which is fixed to its material if it twists.
 Vector3d NormalOf(const Curve& curve, std::size_t segment, int instrument) {
-  const double turn_rad = curve.turns_rad().empty()
-                              ? 0
-                              : curve.turns_rad()[segment][static_cast<std::size_t>(instrument)];
+  const double turn_rad = curve.turns_rad().empty() ? 0 : curve.turns_rad()[segment][instrument];
   return TurnedAbout(curve.tangents()[segment], curve.normals()[segment], turn_rad);
 }
 
@@ -144,7 +142,7 @@ LumenContact ContactAt(const AxisPlace& at, const LumenPairs& pairs) {
   const Vector3d& inner_normal = at.inner.curve.normals()[at.i];
   contact.turn_rad = std::atan2(inner_normal.dot(axes.col(2)), inner_normal.dot(axes.col(1)));
   if (!at.inner.curve.turns_rad().empty()) {
-    contact.turn_rad += at.inner.curve.turns_rad()[at.i][static_cast<std::size_t>(contact.inner)];
+    contact.turn_rad += at.inner.curve.turns_rad()[at.i][contact.inner];
   }
   return contact;
 }
@@ -267,7 +265,7 @@ void BetweenCurves::TakeSlides(const LumenPairs& pairs, const CurveGeometry& inn
     if (pairs.beside) {
       SlideBeside(at, slide);
     } else {
-      SlideInLumen(at, lumen[static_cast<std::size_t>(load.place)], slide);
+      SlideInLumen(at, lumen[load.place], slide);
     }
     if (twists) AddSpins(slide);
   }
@@ -287,7 +285,7 @@ void BetweenCurves::Add(const Slide& slide) {
 }
 
 void BetweenCurves::AddSpins(const Slide& slide) {
-  SpinTerms& to = spin_terms[static_cast<std::size_t>(slide.group)];
+  SpinTerms& to = spin_terms[slide.group];
   if (!to.any) {
     to.any = true;
     to.surface = {slide.inner, slide.outer};
@@ -300,12 +298,12 @@ void BetweenCurves::AddSpins(const Slide& slide) {
   for (int a = 0; a < 2; ++a) {
     const int row = ordered ? of[a] : a;
     const Eigen::Vector2d force_N = h * by[a];
-    if (!ordered && of[a] != to.surface[static_cast<std::size_t>(a)]) continue;
-    to.with_steps.row(row) += (force_N[0] * slide.along + force_N[1] * slide.around +
-                               slide.spin_with_steps[static_cast<std::size_t>(a)])
-                                  .transpose();
+    if (!ordered && of[a] != to.surface[a]) continue;
+    to.with_steps.row(row) +=
+        (force_N[0] * slide.along + force_N[1] * slide.around + slide.spin_with_steps[a])
+            .transpose();
     for (int b = 0; b < 2; ++b) {
-      if (!ordered && of[b] != to.surface[static_cast<std::size_t>(b)]) continue;
+      if (!ordered && of[b] != to.surface[b]) continue;
       to.hessian(row, ordered ? of[b] : b) += by[b].dot(force_N) + slide.spin_curvature(a, b);
     }
   }

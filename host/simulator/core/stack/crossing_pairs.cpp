@@ -22,12 +22,12 @@ constexpr int kApart = 3;
 // True if a point faces a segment: beyond the plane of the proximal node, before that of the distal
 // one. There the distance to the curve is least.
 bool Faces(const Curve& curve, const Vector3d& point, int segment) {
-  const auto m = static_cast<std::size_t>(segment);
   const std::vector<Vector3d>& tangents = curve.tangents();
-  const Vector3d before = m == 0 ? tangents[0] : Vector3d(tangents[m - 1] + tangents[m]);
-  if ((point - curve.nodes()[m]).dot(before) < 0) return false;
+  const Vector3d before =
+      segment == 0 ? tangents[0] : Vector3d(tangents[segment - 1] + tangents[segment]);
+  if ((point - curve.nodes()[segment]).dot(before) < 0) return false;
   if (segment + 1 == curve.segments()) return true;  // its end limits the place
-  return (point - curve.nodes()[m + 1]).dot(tangents[m] + tangents[m + 1]) < 0;
+  return (point - curve.nodes()[segment + 1]).dot(tangents[segment] + tangents[segment + 1]) < 0;
 }
 
 // Calls take(m) for each segment of a curve, `from` or one beyond it, that faces a point within
@@ -37,7 +37,7 @@ void ForEachFacing(const WireModel& rod, const Curve& curve, const Vector3d& poi
                    Take take) {
   const double longest_mm = 1.5 * rod.segment_mm();
   for (int m = from; m < curve.segments(); ++m) {
-    const Vector3d apart = point - curve.nodes()[static_cast<std::size_t>(m)];
+    const Vector3d apart = point - curve.nodes()[m];
     const double beyond_reach_mm = apart.norm() - kReachMm;
     if (beyond_reach_mm > longest_mm) {
       // No point of the skipped segments can be within reach.
@@ -70,8 +70,7 @@ class TurnedBack {
 
   // Bound of the angle between a tangent and the next one: an arc is at most pi/2 chords.
   double MostTurnRad(int segment) const {
-    const auto i = static_cast<std::size_t>(segment);
-    return M_PI / 2 * (tangents_[i + 1] - tangents_[i]).norm();
+    return M_PI / 2 * (tangents_[segment + 1] - tangents_[segment]).norm();
   }
 
   const std::vector<Vector3d>& tangents_;

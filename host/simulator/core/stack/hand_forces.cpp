@@ -19,8 +19,7 @@ double NodeArcMm(const WireModel& rod, const Curve& curve, int node) {
 }
 
 const Vector3d& TangentBefore(const WireModel& rod, const Curve& curve, int joint) {
-  return joint == 0 ? rod.sheath().direction
-                    : curve.tangents()[static_cast<std::size_t>(joint) - 1];
+  return joint == 0 ? rod.sheath().direction : curve.tangents()[joint - 1];
 }
 
 // Part of the push that a straight sheath takes if it holds an instrument only against turning. It
@@ -45,15 +44,13 @@ Vector3d FromOwnNormals(const WireModel& rod, const Curve& curve, int joint, int
                         const Vector2d& own) {
   if (own.isZero(0)) return Vector3d::Zero();
   const Vector3d& tangent = TangentBefore(rod, curve, joint);
-  const Vector3d& first =
-      joint == 0 ? rod.sheath_normal() : curve.normals()[static_cast<std::size_t>(joint) - 1];
+  const Vector3d& first = joint == 0 ? rod.sheath_normal() : curve.normals()[joint - 1];
   const bool twists = rod.spins() > 0;
   const double turn_rad =
       twists ? curve.TurnBefore(joint, instrument) : curve.poses()[instrument].rotation_rad;
   Vector2d turned = Turned(own, Vector2d(std::cos(turn_rad), std::sin(turn_rad)));
   if (!twists) {
-    turned =
-        Turned(turned, curve.reference_twist()[static_cast<std::size_t>(curve.segments() - joint)]);
+    turned = Turned(turned, curve.reference_twist()[curve.segments() - joint]);
   }
   return tangent.cross(turned[0] * first + turned[1] * tangent.cross(first));
 }
@@ -76,19 +73,17 @@ HandForces::OnCurve HandForces::CurveOf(const InstrumentStack& stack, const Wire
 void HandForces::DistributeLoads(const InstrumentStack& stack, const OnCurve& on) {
   const auto nodes = static_cast<std::size_t>(on.curve.segments()) + 1;
   for (int k = on.range.first; k < on.range.last; ++k) {
-    load_N_[static_cast<std::size_t>(k)].assign(nodes, Vector3d::Zero());
+    load_N_[k].assign(nodes, Vector3d::Zero());
   }
   const auto add = [&](int instrument, int segment, double fraction, const Vector3d& load_N) {
-    const auto i = static_cast<std::size_t>(segment);
-    std::vector<Vector3d>& loads_N = load_N_[static_cast<std::size_t>(instrument)];
-    loads_N[i] += (1 - fraction) * load_N;
-    loads_N[i + 1] += fraction * load_N;
+    std::vector<Vector3d>& loads_N = load_N_[instrument];
+    loads_N[segment] += (1 - fraction) * load_N;
+    loads_N[segment + 1] += fraction * load_N;
   };
   const PointSet& points = on.at.points;
   for (int q = 0; q < points.size(); ++q) {
     const double fraction = static_cast<double>(q % points.per_segment + 1) / points.per_segment;
-    add(points.SurfaceAt(q), q / points.per_segment, fraction,
-        -on.loads.point_gradient_N[static_cast<std::size_t>(q)]);
+    add(points.SurfaceAt(q), q / points.per_segment, fraction, -on.loads.point_gradient_N[q]);
   }
   const InstrumentPoses& poses = on.curve.poses();
   for (const LumenLoad& load : on.loads.in_lumen) {
@@ -96,7 +91,7 @@ void HandForces::DistributeLoads(const InstrumentStack& stack, const OnCurve& on
     const int instrument = load.in_own_lumen ? stack.LumenAt(on.number, poses, arc_mm)
                                              : stack.SurfaceAt(on.number, poses, arc_mm);
     add(instrument, load.segment, load.past_mm / on.curve.SegmentLength(on.rod, load.segment),
-        load.force_N - load.unfelt_N * on.curve.tangents()[static_cast<std::size_t>(load.segment)]);
+        load.force_N - load.unfelt_N * on.curve.tangents()[load.segment]);
   }
 }
 
@@ -110,14 +105,14 @@ void HandForces::FindMoments(const JointIntegrals& integrals, const OnCurve& on,
   const double fraction = length_mm / rod.segment_mm();
   const Vector3d& before = TangentBefore(rod, curve, joint);
   std::array<Vector3d, kMostInstruments> rest_rad;
-  Vector3d bend_rad = Bend(before, curve.tangents()[static_cast<std::size_t>(joint)]);
-  for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
+  Vector3d bend_rad = Bend(before, curve.tangents()[joint]);
+  for (int m = 0; m < count_; ++m) {
     rest_rad[m] = fraction * FromOwnNormals(rod, curve, joint, order_[m], integrals.bend_rad[m]);
     bend_rad -= rest_rad[m];
   }
   const Vector3d moment_mJ = integrals.rigidity_N_mm2 / length_mm * bend_rad;
-  for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
-    const auto k = static_cast<std::size_t>(order_[m]);
+  for (int m = 0; m < count_; ++m) {
+    const int k = order_[m];
     section_forces_[k].moment_before_mJ = integrals.share[m] * moment_mJ;
     section_forces_[k].inside =
         curve.poses()[order_[m]].insertion_mm >= NodeArcMm(rod, curve, joint + 1);
@@ -133,13 +128,13 @@ void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve&
   const double lambda = rod.segment_mm();
   const double fraction = JointLength(rod, curve, joint) / lambda;
   const Vector3d& before = TangentBefore(rod, curve, joint);
-  for (std::size_t b = 0; b < static_cast<std::size_t>(count_); ++b) {
-    for (std::size_t a = 0; a < b; ++a) {
+  for (int b = 0; b < count_; ++b) {
+    for (int a = 0; a < b; ++a) {
       const JointIntegrals::Pair& pair = integrals.pairs[a][b];
       if (pair.constant_mJ == 0) continue;  // both are straight
       const Vector3d of_a = FromOwnNormals(rod, curve, joint, order_[a], pair.of_a_mJ_mm);
       const Vector3d of_b = FromOwnNormals(rod, curve, joint, order_[b], pair.of_b_mJ_mm);
-      const auto first = static_cast<std::size_t>(order_[a]);
+      const int first = order_[a];
       const auto second = static_cast<std::size_t>(order_[b]);
       section_forces_[first].moment_before_mJ += (of_b - of_a) / lambda;
       section_forces_[second].moment_before_mJ += (of_a - of_b) / lambda;
@@ -159,19 +154,19 @@ void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve&
 void HandForces::Balance(const OnCurve& on, int node, const Sliding& sliding) {
   const Curve& curve = on.curve;
   constexpr int kRounds = 3;  // friction depends on the tension, which it changes
-  const auto i = static_cast<std::size_t>(node);
-  const Vector3d& before = curve.tangents()[i - 1];
-  const Vector3d& beyond = node < curve.segments() ? curve.tangents()[i] : curve.tangents()[i - 1];
+  const Vector3d& before = curve.tangents()[node - 1];
+  const Vector3d& beyond =
+      node < curve.segments() ? curve.tangents()[node] : curve.tangents()[node - 1];
   const Vector3d tangent = (before + beyond).normalized();
-  const double length_mm = (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
+  const double length_mm = (curve.nodes()[node] - curve.nodes()[node - 1]).norm();
   for (SectionForces& section : section_forces_) section.friction_N = 0;
   for (int round = 0; round < kRounds; ++round) {
     for (int k = on.range.first; k < on.range.last; ++k) {
-      SectionForces& section = section_forces_[static_cast<std::size_t>(k)];
+      SectionForces& section = section_forces_[k];
       const Vector3d shear_N =
           before.cross(section.moment_mJ - section.moment_before_mJ) / length_mm;
-      const double axial_N = section.force_N.dot(tangent) + section.friction_N +
-                             load_N_[static_cast<std::size_t>(k)][i].dot(tangent);
+      const double axial_N =
+          section.force_N.dot(tangent) + section.friction_N + load_N_[k][node].dot(tangent);
       section.force_before_N =
           (axial_N - shear_N.dot(tangent)) / before.dot(tangent) * before + shear_N;
     }
@@ -186,28 +181,26 @@ void HandForces::Balance(const OnCurve& on, int node, const Sliding& sliding) {
 // shrinks.
 void HandForces::FindFriction(const OnCurve& on, int node, const Sliding& sliding) {
   const Curve& curve = on.curve;
-  const auto i = static_cast<std::size_t>(node);
-  const Vector3d& before = curve.tangents()[i - 1];
-  const Vector3d& beyond = node < curve.segments() ? curve.tangents()[i] : curve.tangents()[i - 1];
+  const Vector3d& before = curve.tangents()[node - 1];
+  const Vector3d& beyond =
+      node < curve.segments() ? curve.tangents()[node] : curve.tangents()[node - 1];
   const Vector3d tangent = (before + beyond).normalized();
   for (SectionForces& section : section_forces_) section.friction_N = 0;
   Vector3d held_N = Vector3d::Zero();
   int inner = -1;
   for (int k = on.range.first; k < on.range.last; ++k) {
-    SectionForces& section = section_forces_[static_cast<std::size_t>(k)];
+    SectionForces& section = section_forces_[k];
     if (!section.inside) continue;
     if (inner >= 0) {
       const double pressed_N = held_N.norm();
       const double most_N = sliding.coefficient * pressed_N;
-      pressed_N_[i][static_cast<std::size_t>(inner)] = pressed_N;
-      const int way =
-          sliding.direction[static_cast<std::size_t>(inner)][static_cast<std::size_t>(k)];
-      section_forces_[static_cast<std::size_t>(inner)].friction_N -= way * most_N;
+      pressed_N_[node][inner] = pressed_N;
+      const int way = sliding.direction[inner][k];
+      section_forces_[inner].friction_N -= way * most_N;
       section.friction_N += way * most_N;
     }
     const Vector3d on_N = section.force_before_N.dot(before) * before -
-                          section.force_N.dot(beyond) * beyond -
-                          load_N_[static_cast<std::size_t>(k)][i];
+                          section.force_N.dot(beyond) * beyond - load_N_[k][node];
     held_N += on_N - on_N.dot(tangent) * tangent;
     inner = k;
   }
@@ -230,14 +223,14 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
   const Curve& curve = on.curve;
   count_ = 0;
   for (int k = on.range.first; k < on.range.last; ++k) {
-    order_[static_cast<std::size_t>(count_++)] = k;
+    order_[count_++] = k;
   }
   std::sort(order_.begin(), order_.begin() + count_, [&curve](int a, int b) {
     return curve.poses()[a].insertion_mm > curve.poses()[b].insertion_mm;
   });
   DistributeLoads(stack, on);
   std::array<RodJoints::Member, kMostInstruments> members;
-  for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
+  for (int m = 0; m < count_; ++m) {
     const int k = order_[m];
     members[m] = {&stack.instrument(k).sections(),
                   curve.insertion_mm() - curve.poses()[k].insertion_mm};
@@ -252,8 +245,7 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
     // turns the rest shape at the clamp.
     if (i == 1 && on.rod.spins() > 0) {
       for (int k = on.range.first; k < on.range.last; ++k) {
-        hands_[static_cast<std::size_t>(k)].torque_mJ =
-            -TwistStiffnessOf(on.rod, curve, 0, k) * curve.TwistOf(0, k);
+        hands_[k].torque_mJ = -TwistStiffnessOf(on.rod, curve, 0, k) * curve.TwistOf(0, k);
       }
     }
     FindMoments(joints.At(curve.segments() - (i - 1)), on, i - 1);
@@ -265,7 +257,7 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
                              const Sliding& sliding, QuadraticModel& quadratic) {
   hands_ = {};
   for (int c = 0; c < stack.curves(); ++c) {
-    const auto n = static_cast<std::size_t>(state.curve(c).segments());
+    const int n = state.curve(c).segments();
     std::vector<std::array<double, kMostInstruments>>& out =
         quadratic.curve(c).points.between.pressed_N;
     out.assign(n, {});
@@ -277,7 +269,7 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
     BalanceAll(stack, on, sliding);
     // The force at a node is split equally between its two segments. At the last node it goes to
     // the last segment.
-    for (std::size_t i = 0; i < n; ++i) {
+    for (int i = 0; i < n; ++i) {
       for (auto k = static_cast<std::size_t>(on.range.first);
            k < static_cast<std::size_t>(on.range.last); ++k) {
         out[i][k] = (i == 0 ? 0 : pressed_N_[i][k] / 2) +
@@ -293,7 +285,7 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
   hands_ = {};
   const int farthest = state.FarthestCurve();
   for (int c = 0; c < stack.curves(); ++c) {
-    const auto n = static_cast<std::size_t>(state.curve(c).segments());
+    const int n = state.curve(c).segments();
     if (n == 0) continue;
     section_forces_ = {};
     pressed_N_.assign(n + 1, {});
@@ -301,10 +293,9 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
     FindOnCurve(stack, CurveOf(stack, state, quadratic, c, c == farthest ? forces.loads : loads_),
                 forces, sliding);
     const PointSet& points = quadratic.curve(c).points;
-    const std::vector<double>& torque_mJ = forces.surface_torque_mJ[static_cast<std::size_t>(c)];
+    const std::vector<double>& torque_mJ = forces.surface_torque_mJ[c];
     for (int q = 0; q < points.size(); ++q) {
-      hands_[static_cast<std::size_t>(points.SurfaceAt(q))].torque_mJ -=
-          torque_mJ[static_cast<std::size_t>(q)];
+      hands_[points.SurfaceAt(q)].torque_mJ -= torque_mJ[q];
     }
   }
   if (stack.rod().spins() > 0) return;
@@ -312,10 +303,8 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
   for (const BetweenCurves& between : quadratic.between) {
     for (const BetweenCurves::Slide& slide : between.slides) {
       const Eigen::Vector2d& along_and_around_N = slide.load.gradient;
-      hands_[static_cast<std::size_t>(slide.inner)].torque_mJ +=
-          slide.inner_spin_mm.dot(along_and_around_N);
-      hands_[static_cast<std::size_t>(slide.outer)].torque_mJ +=
-          slide.outer_spin_mm.dot(along_and_around_N);
+      hands_[slide.inner].torque_mJ += slide.inner_spin_mm.dot(along_and_around_N);
+      hands_[slide.outer].torque_mJ += slide.outer_spin_mm.dot(along_and_around_N);
     }
   }
 }
@@ -339,19 +328,18 @@ void HandForces::FindOnCurve(const InstrumentStack& stack, const OnCurve& on,
                   rod.rigidity_N_mm2(curve.segments()) * bend.squaredNorm() / 2;
   for (const LumenLoad& load : on.loads.in_lumen) left_N += load.unfelt_N;
   for (int k = on.range.first; k < on.range.last; ++k) {
-    const auto at = static_cast<std::size_t>(k);
     const double twisted_N = TorsionalThrust(rod, curve, k);
     left_N -= twisted_N;
     if (k == leader) continue;
     const double inside_mm = curve.poses()[k].insertion_mm;
     if (inside_mm <= 0) continue;
     const double rigidity = SectionAt(stack.instrument(k).sections(), inside_mm).rigidity_N_mm2;
-    hands_[at].axial_N = -(section_forces_[at].force_before_N + load_N_[at].front()).dot(entry) -
-                         rigidity * bend.squaredNorm() / 2 - twisted_N;
-    left_N -= hands_[at].axial_N;
+    hands_[k].axial_N = -(section_forces_[k].force_before_N + load_N_[k].front()).dot(entry) -
+                        rigidity * bend.squaredNorm() / 2 - twisted_N;
+    left_N -= hands_[k].axial_N;
   }
   // Makes the sum equal to the force of all instruments on the curve together.
-  hands_[static_cast<std::size_t>(leader)].axial_N = left_N;
+  hands_[leader].axial_N = left_N;
 }
 
 }  // namespace torquer

@@ -117,7 +117,7 @@ void CheckCurves(const std::vector<WireModel>& instruments, const Clearance& cle
 
 // Rod with room for all instruments, in the sheath of instrument `of`; Combine fills it.
 std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments, int of) {
-  const WireModel& first = instruments[static_cast<std::size_t>(of)];
+  const WireModel& first = instruments[of];
   double longest_mm = 0;
   for (const WireModel& model : instruments) {
     longest_mm = std::max(longest_mm, model.max_length_mm());
@@ -144,8 +144,7 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
     return;
   }
   for (int k = 0; k < size(); ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    if (k == 0 || clearance.has_room[at] || clearance.is_beside[at]) ranges_.push_back({k, k});
+    if (k == 0 || clearance.has_room[k] || clearance.is_beside[k]) ranges_.push_back({k, k});
     ranges_.back().last = k + 1;
   }
   for (int c = 0; c < curves(); ++c) {
@@ -153,7 +152,7 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
     rods_.push_back(combined_.back().get());
   }
   members_.resize(combined_.size());
-  joints_.resize(static_cast<std::size_t>(rod().max_segments()) + 1);
+  joints_.resize(rod().max_segments() + 1);
   if (instrument(0).twists()) twisting_.resize(joints_.size());
   Combine(InstrumentPoses(size()));
 }
@@ -258,7 +257,7 @@ int InstrumentStack::Gather(const InstrumentPoses& poses, Range range, double en
                             Members& members) const {
   const auto [first, last] = range;
   for (int k = first; k < last; ++k) {
-    Member& member = members[static_cast<std::size_t>(k - first)];
+    Member& member = members[k - first];
     const double rotation = poses[k].rotation_rad;
     member.model = &instrument(k);
     member.instrument = static_cast<std::size_t>(k);
@@ -290,7 +289,7 @@ void InstrumentStack::Combine(const InstrumentPoses& poses) {
 void InstrumentStack::CombineRod(const Members& members, int first, int count, WireModel& rod) {
   const double lambda = rod.segment_mm();
   std::array<RodJoints::Member, kMostInstruments> placed;
-  for (std::size_t m = 0; m < static_cast<std::size_t>(count); ++m) {
+  for (int m = 0; m < count; ++m) {
     placed[m] = {&members[m].model->sections(), members[m].behind_mm};
   }
   RodJoints integrals(placed, count, lambda);
@@ -302,7 +301,7 @@ void InstrumentStack::CombineRod(const Members& members, int first, int count, W
     joint.rigidity_N_mm2 = integral.rigidity_N_mm2;
     joint.rest_rad.setZero();
     joint.radius_mm = members[0].model->radius_mm(from_tip);
-    for (std::size_t m = 0; m < static_cast<std::size_t>(count); ++m) {
+    for (int m = 0; m < count; ++m) {
       const Member& member = members[m];
       joint.rest_rad += Turned(integral.bend_rad[m], member.turn);
       const double beyond_mm = from_tip_mm - member.behind_mm;
@@ -330,8 +329,8 @@ void InstrumentStack::CombineRod(const Members& members, int first, int count, W
 double InstrumentStack::MutualOf(const Members& members, int count,
                                  const JointIntegrals& integrals) {
   double energy_mJ = 0;
-  for (std::size_t b = 0; b < static_cast<std::size_t>(count); ++b) {
-    for (std::size_t a = 0; a < b; ++a) {
+  for (int b = 0; b < count; ++b) {
+    for (int a = 0; a < b; ++a) {
       const JointIntegrals::Pair& pair = integrals.pairs[a][b];
       if (pair.constant_mJ == 0) continue;  // both are straight
       const Eigen::Vector2d& of_a = members[a].turn;
@@ -358,13 +357,13 @@ void InstrumentStack::CombineTwists(const Members& members, int count,
                                     const JointIntegrals& integrals, double from_tip_mm,
                                     WireModel::TwistingJoint& joint) const {
   joint = WireModel::TwistingJoint();
-  for (std::size_t b = 0; b < static_cast<std::size_t>(count); ++b) {
+  for (int b = 0; b < count; ++b) {
     const Member& member = members[b];
     WireModel::TwistingJoint::Contribution& from = joint.of[member.instrument];
     from.bend_rad = integrals.bend_rad[b];
     from.torsional_rigidity_N_mm2 = JointTorsionalRigidity(
         member.model->sections(), from_tip_mm - member.behind_mm, member.model->segment_mm());
-    for (std::size_t a = 0; a < b; ++a) {
+    for (int a = 0; a < b; ++a) {
       const JointIntegrals::Pair& pair = integrals.pairs[a][b];
       const auto [first, second] = std::minmax(members[a].instrument, member.instrument);
       const double across_mJ = first == member.instrument ? -pair.across_mJ : pair.across_mJ;

@@ -66,18 +66,18 @@ class InstrumentStack {
   InstrumentStack& operator=(const InstrumentStack&) = delete;
 
   int size() const { return static_cast<int>(instruments_.size()); }
-  const WireModel& instrument(int k) const { return *instruments_[static_cast<std::size_t>(k)]; }
+  const WireModel& instrument(int k) const { return *instruments_[k]; }
   /// Number of curves on which the instruments lie.
   int curves() const { return static_cast<int>(ranges_.size()); }
   /// Rod of the instruments of a curve at the poses of the last Combine.
-  const WireModel& rod(int curve = 0) const { return *rods_[static_cast<std::size_t>(curve)]; }
+  const WireModel& rod(int curve = 0) const { return *rods_[curve]; }
   const Clearance& clearance() const { return clearance_; }
   /// Instruments `first` to `last` - 1 of a curve.
   struct Range {
     int first;
     int last;
   };
-  Range OnCurve(int curve) const { return ranges_[static_cast<std::size_t>(curve)]; }
+  Range OnCurve(int curve) const { return ranges_[curve]; }
   /// Curve on which an instrument lies.
   int CurveOf(int instrument) const;
   /// The next curve around a curve; curves() if there is none.
@@ -86,7 +86,7 @@ class InstrumentStack {
   bool AreBeside(int curve, int outer) const;
   /// Start path of a curve that lies beside others.
   const std::vector<Eigen::Vector3d>& StartPath(int curve) const {
-    return clearance_.start_path_mm[static_cast<std::size_t>(OnCurve(curve).first)];
+    return clearance_.start_path_mm[OnCurve(curve).first];
   }
   /// Instrument of a curve that reaches farthest; of equals, the innermost.
   int Leader(int curve, const InstrumentPoses& poses) const;
@@ -127,9 +127,7 @@ class InstrumentStack {
   };
   using Members = std::array<Member, kMostInstruments>;
 
-  bool LiesBeside(int curve) const {
-    return clearance_.is_beside[static_cast<std::size_t>(OnCurve(curve).first)];
-  }
+  bool LiesBeside(int curve) const { return clearance_.is_beside[OnCurve(curve).first]; }
   int Gather(const InstrumentPoses& poses, Range range, double end_mm, Members& members) const;
   void CombineRod(const Members& members, int first, int count, WireModel& rod);
   static double MutualOf(const Members& members, int count, const JointIntegrals& integrals);
@@ -141,7 +139,7 @@ class InstrumentStack {
   std::vector<std::unique_ptr<WireModel>> combined_;  // by curve; empty for a lone wire
   std::vector<const WireModel*> rods_;                // by curve
   std::vector<Range> ranges_;                         // by curve
-  std::vector<Members> members_;  // by curve: of its rod
+  std::vector<Members> members_;                      // by curve: of its rod
   std::vector<WireModel::Joint> joints_;
   std::vector<WireModel::TwistingJoint> twisting_;  // empty without twist
   Clearance clearance_;

@@ -94,14 +94,13 @@ bool CurvePairs::WalkLumen(const InstrumentStack& stack, const WireState& state,
   bool begun = false;
   out.at_mouth = false;
   while (walk.segment < inner.segments()) {
-    const auto i = static_cast<std::size_t>(walk.segment);
+    const int i = walk.segment;
     const double length_mm = inner.SegmentLength(add.inner_rod, walk.segment);
     const bool last = m + 1 == outer.segments();
-    const Vector3d& before = outer.tangents()[static_cast<std::size_t>(m)];
-    const Vector3d plane =
-        last ? before : before + outer.tangents()[static_cast<std::size_t>(m) + 1];
+    const Vector3d& before = outer.tangents()[m];
+    const Vector3d plane = last ? before : before + outer.tangents()[m + 1];
     const double end_mm = CrossingMm(inner.nodes()[i], inner.tangents()[i], walk.past_mm,
-                                     outer.nodes()[static_cast<std::size_t>(m) + 1], plane);
+                                     outer.nodes()[m + 1], plane);
     if (end_mm > walk.past_mm) {
       add.AddPiece(walk.segment, walk.past_mm, std::min(end_mm, length_mm), m);
       begun = true;
@@ -145,7 +144,7 @@ void CurvePairs::Find(const InstrumentStack& stack, const WireState& state, bool
 }
 
 void CurvePairs::FindInLumens(const InstrumentStack& stack, const WireState& state, int inner) {
-  End& end = ends_[static_cast<std::size_t>(inner)];
+  End& end = ends_[inner];
   end = {curves_, 0};
   const Curve& curve = state.curve(inner);
   Walk walk;
@@ -160,19 +159,18 @@ void CurvePairs::FindInLumens(const InstrumentStack& stack, const WireState& sta
       end = {outer, walk.outer_segment};
       break;
     }
-    const End& mouth = ends_[static_cast<std::size_t>(outer)];
+    const End& mouth = ends_[outer];
     outer = mouth.in_curve;
     walk.outer_segment = mouth.segment;
   }
-  in_lumen_mm_[static_cast<std::size_t>(inner)] =
+  in_lumen_mm_[inner] =
       at_tip ? kInfinite : ArcMm(stack.rod(inner), curve, walk.segment) + walk.past_mm;
 }
 
 // Curve in whose lumen a curve lies at an arc length; curves_ if it lies in the vessel.
 int CurvePairs::LumenOf(const InstrumentStack& stack, int curve, double arc_mm) const {
   int lumen = stack.CurveAround(curve);
-  while (lumen < curves_ &&
-         arc_mm >= leaves_mm_[static_cast<std::size_t>(curve * curves_ + lumen)]) {
+  while (lumen < curves_ && arc_mm >= leaves_mm_[curve * curves_ + lumen]) {
     lumen = stack.CurveAround(lumen);
   }
   return lumen;

@@ -112,15 +112,13 @@ class CurvePairs {
   const std::vector<LumenPairs>& of_curves() const { return pairs_; }
   /// Arc length, mm, up to which a curve lies in the lumen of another one. Infinite if all of it
   /// does, 0 for the outermost.
-  double in_lumen_mm(int curve) const { return in_lumen_mm_[static_cast<std::size_t>(curve)]; }
+  double in_lumen_mm(int curve) const { return in_lumen_mm_[curve]; }
   std::uint64_t Hash(std::uint64_t seed) const;
 
  private:
   struct Walk;
   // Arc length, mm, at which a curve leaves the lumen of a curve around it.
-  double& LeavesMm(int curve, int lumen) {
-    return leaves_mm_[static_cast<std::size_t>(curve * curves_ + lumen)];
-  }
+  double& LeavesMm(int curve, int lumen) { return leaves_mm_[curve * curves_ + lumen]; }
   int LumenOf(const InstrumentStack& stack, int curve, double arc_mm) const;
   bool ShareLumen(const InstrumentStack& stack, const LumenPairs& pairs,
                   const BesidePlace& place) const;

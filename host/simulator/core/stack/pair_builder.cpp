@@ -15,16 +15,15 @@ constexpr double kShortestMm = 1e-9;  // shorter pieces have no place
 // Curvature of the smooth curve through the nodes, at a segment, in its normals, 1/mm.
 Eigen::Vector2d CurvatureAt(const WireModel& rod, const Curve& curve, int segment) {
   constexpr double kMostBendRad = 0.5;  // of a segment; a chord cannot represent a sharper bend
-  const auto i = static_cast<std::size_t>(segment);
-  const Vector3d& tangent = curve.tangents()[i];
-  const Vector3d& before = i == 0 ? rod.sheath().direction : curve.tangents()[i - 1];
+  const Vector3d& tangent = curve.tangents()[segment];
+  const Vector3d& before = segment == 0 ? rod.sheath().direction : curve.tangents()[segment - 1];
   Vector3d curvature = (tangent - before) / JointLength(rod, curve, segment);
   if (segment + 1 < curve.segments()) {
     const Vector3d beyond =
-        (curve.tangents()[i + 1] - tangent) / JointLength(rod, curve, segment + 1);
+        (curve.tangents()[segment + 1] - tangent) / JointLength(rod, curve, segment + 1);
     curvature = (curvature + beyond) / 2;
   }
-  const Vector3d& normal = curve.normals()[i];
+  const Vector3d& normal = curve.normals()[segment];
   Eigen::Vector2d across(curvature.dot(normal), curvature.dot(tangent.cross(normal)));
   const double bend_rad = across.norm() * curve.SegmentLength(rod, segment);
   return bend_rad > kMostBendRad ? Eigen::Vector2d(kMostBendRad / bend_rad * across) : across;
@@ -37,8 +36,7 @@ struct Line {
 };
 
 Line LineOf(const Curve& curve, int segment) {
-  const auto i = static_cast<std::size_t>(segment);
-  return {curve.nodes()[i], curve.tangents()[i]};
+  return {curve.nodes()[segment], curve.tangents()[segment]};
 }
 
 // Place on a piece of the inner line for contact with the outer line. If the lines run alongside,
@@ -67,8 +65,7 @@ double CoveredFraction(double foot_mm, double length_mm, double piece_mm) {
 
 bool IsHeadOn(const Curve& inner, int segment, const Curve& outer, int outer_segment) {
   constexpr double kLeastCosine = -0.1;  // so wires at a right angle stay in order
-  return inner.tangents()[static_cast<std::size_t>(segment)].dot(
-             outer.tangents()[static_cast<std::size_t>(outer_segment)]) < kLeastCosine;
+  return inner.tangents()[segment].dot(outer.tangents()[outer_segment]) < kLeastCosine;
 }
 
 double ArcMm(const WireModel& rod, const Curve& curve, int segment) {
@@ -99,7 +96,7 @@ LumenPlace PairBuilder::PlaceAt(int segment, double past_mm, int outer_segment, 
 int PairBuilder::GroupOf(int segment, int outer_segment) {
   int group = static_cast<int>(out.groups.size()) - 1;
   for (; group >= 0; --group) {
-    const SegmentPair& on = out.groups[static_cast<std::size_t>(group)];
+    const SegmentPair& on = out.groups[group];
     if (on.inner == segment && on.outer == outer_segment) return group;
     if (out.ordered || on.inner != segment) break;
   }
@@ -131,8 +128,7 @@ BesidePlace PairBuilder::FindBeside(int segment, int k, int outer_segment) const
 }
 
 LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, double weight_mm) {
-  const Vector3d at = inner.nodes()[static_cast<std::size_t>(segment)] +
-                      past_mm * inner.tangents()[static_cast<std::size_t>(segment)];
+  const Vector3d at = inner.nodes()[segment] + past_mm * inner.tangents()[segment];
   const auto m = static_cast<std::size_t>(outer_segment);
   const double foot_mm = outer.tangents()[m].dot(at - outer.nodes()[m]);
   const double arc_mm = ArcMm(inner_rod, inner, segment) + past_mm;
@@ -149,9 +145,8 @@ LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, dou
   place.piece = PieceOf(segment, past_mm);
   const double radius_mm = inner_rod.radius_mm(inner.segments() - 1 - segment);
   place.lever_mm = out.beside ? -radius_mm : radius_mm;
-  place.lumen_mm = out.beside
-                       ? outer_rod.radius_mm(outer.segments() - 1 - outer_segment)
-                       : stack.clearance().lumen_radius_mm[static_cast<std::size_t>(place.outer)];
+  place.lumen_mm = out.beside ? outer_rod.radius_mm(outer.segments() - 1 - outer_segment)
+                              : stack.clearance().lumen_radius_mm[place.outer];
   place.ahead_mm =
       poses[place.inner].insertion_mm - arc_mm - (poses[place.outer].insertion_mm - outer_begin_mm);
   // A circle through the ends of a chord is beside it by kappa t (l - t) / 2.
@@ -167,12 +162,11 @@ LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, dou
 }
 
 Eigen::Vector2d PairBuilder::LumenBulge(const LumenPlace& place) const {
-  const auto i = static_cast<std::size_t>(place.segment);
+  const int i = place.segment;
   const auto m = static_cast<std::size_t>(place.outer_segment);
   const Vector3d& normal = inner.normals()[i];
   const Vector3d& along = outer.tangents()[m];
-  const double turn_rad =
-      outer.turns_rad().empty() ? 0 : outer.turns_rad()[m][static_cast<std::size_t>(place.outer)];
+  const double turn_rad = outer.turns_rad().empty() ? 0 : outer.turns_rad()[m][place.outer];
   const Vector3d first = TurnedAbout(along, outer.normals()[m], turn_rad);
   const Vector3d bulge_mm = place.bulge_mm[0] * normal +
                             place.bulge_mm[1] * inner.tangents()[i].cross(normal) -

@@ -22,19 +22,18 @@ struct Rests {
         count(model.spins()),
         fraction(JointLength(model, curve, joint) / model.segment_mm()) {
     for (int k = 0; k < count; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      own[at].setZero();
+      own[k].setZero();
       if (!Curved(k)) continue;
       const double turn = curve.TurnBefore(joint, first + k);
       const Vector2d bend = fraction * Of(k).bend_rad;
-      own[at] = std::cos(turn) * bend + std::sin(turn) * QuarterTurn(bend);
-      together += own[at];
+      own[k] = std::cos(turn) * bend + std::sin(turn) * QuarterTurn(bend);
+      together += own[k];
       curved = true;
     }
   }
 
   // Instrument number k of the rod.
-  const Contribution& Of(int k) const { return twisting.of[static_cast<std::size_t>(first + k)]; }
+  const Contribution& Of(int k) const { return twisting.of[first + k]; }
   bool Curved(int k) const { return !Of(k).bend_rad.isZero(0); }
 
   const WireModel::TwistingJoint& twisting;
@@ -58,8 +57,7 @@ template <class Each>
 void ForPairs(const Rests& rests, const Curve& curve, int joint, const Each& each) {
   for (int a = 0; a < rests.count; ++a) {
     for (int b = a + 1; b < rests.count; ++b) {
-      const auto& mutual = rests.twisting.mutual[static_cast<std::size_t>(rests.first + a)]
-                                                [static_cast<std::size_t>(rests.first + b)];
+      const auto& mutual = rests.twisting.mutual[rests.first + a][rests.first + b];
       if (mutual.constant_mJ == 0) continue;  // both are straight
       const double turn =
           curve.TurnBefore(joint, rests.first + b) - curve.TurnBefore(joint, rests.first + a);
@@ -120,18 +118,15 @@ struct BentTwice {
 
 double TwistStiffnessOf(const WireModel& model, const Curve& curve, int joint, int instrument) {
   if (model.twists()) return TwistStiffness(model, curve, joint);
-  return model.twisting_joint(curve.segments() - joint)
-             .of[static_cast<std::size_t>(instrument)]
-             .torsional_rigidity_N_mm2 /
+  return model.twisting_joint(curve.segments() - joint).of[instrument].torsional_rigidity_N_mm2 /
          JointLength(model, curve, joint);
 }
 
 void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
                       const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
                       JointTerms& bending, StackTerms& out) {
-  const auto i = static_cast<std::size_t>(joint);
-  const Vector3d& proximal = joint == 0 ? model.sheath().direction : curve.tangents()[i - 1];
-  const Vector3d& tangent = curve.tangents()[i];
+  const Vector3d& proximal = joint == 0 ? model.sheath().direction : curve.tangents()[joint - 1];
+  const Vector3d& tangent = curve.tangents()[joint];
   const double length_mm = JointLength(model, curve, joint);
   const double stiffness = JointStiffness(model, curve, joint);
   out.gradient_proximal.setZero();
@@ -181,9 +176,8 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
       for (int b = 0; b < 2; ++b) y_rest_rest(a, b) = -tangent.dot(axes * bent.second[a][b]);
     }
     for (int k = 0; k < rests.count; ++k) {
-      const auto at = static_cast<std::size_t>(k);
       if (!rests.Curved(k)) continue;
-      const Vector2d& own = rests.own[at];
+      const Vector2d& own = rests.own[k];
       const Vector2d turned = QuarterTurn(own);
       const double y_k = y_rest.dot(turned);
       out.gradient_proximal[k] += slope * y_k;
@@ -193,8 +187,7 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
       out.proximal_distal.row(k) +=
           curvature * y_k * y_distal.transpose() + slope * turned.transpose() * rest_distal;
       for (int m = 0; m < rests.count; ++m) {
-        const auto other = static_cast<std::size_t>(m);
-        const Vector2d with = QuarterTurn(rests.own[other]);
+        const Vector2d with = QuarterTurn(rests.own[m]);
         out.hessian_proximal(k, m) +=
             curvature * y_k * y_rest.dot(with) + slope * turned.dot(y_rest_rest * with);
       }
