@@ -85,9 +85,7 @@ class OpenRows {
  private:
   double* X(int row) { return &x_[static_cast<std::size_t>(row) * kMostFrontRows]; }
   // Lower triangle: column <= row.
-  double& R(int row, int column) {
-    return r_[row * (row + 1) / 2 + column];
-  }
+  double& R(int row, int column) { return r_[row * (row + 1) / 2 + column]; }
   double& Coupling(int row, int column) { return row < column ? R(column, row) : R(row, column); }
   // Calls act(block) for each open block.
   template <class Act>
