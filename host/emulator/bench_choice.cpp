@@ -2,7 +2,7 @@
 
 #include <numbers>
 
-#include "host/emulator/atmega32u4.h"
+#include "host/emulator/firmware_image.h"
 
 namespace torquer::emulator {
 

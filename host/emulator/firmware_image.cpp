@@ -1,5 +1,5 @@
 // Reading an AVR ELF file: the bytes for the flash, and the symbols.
-#include "protocol/firmware_image.h"
+#include "host/emulator/firmware_image.h"
 
 #include <fcntl.h>
 #include <gelf.h>
@@ -10,9 +10,9 @@
 #include <cstring>
 #include <memory>
 
-#include "host/emulator/atmega32u4.h"
 #include "host/support/error.h"
 #include "host/support/installed.h"
+#include "protocol/firmware_image.h"
 
 namespace torquer::emulator {
 namespace {
