@@ -103,8 +103,10 @@ void SetOne(const Place& place, const TomlValue& value, toml::table& root) {
     }
     if (toml::array* const list = inner->as_array()) {
       if (k + 2 >= parts.size()) {
-        place.Refuse(fmt::format("does not tell which key of which {}; give {}.NAME.KEY", parts[k],
-                                 parts[k]));
+        place.Refuse(
+            fmt::format("needs the name and the key of one table of the list; give "
+                        "{}.NAME.KEY",
+                        parts[k]));
       }
       table = &Named(place, parts[k], *list, parts[k + 1]);
       ++k;

@@ -52,8 +52,8 @@ const Keys<EntrySpec>& EntryKeys() {
           .Number("towards_at_mm", &Spec::towards_at_mm, 0, 1e5, "mm",
                   "arc length of the target place along the centerline in towards")
           .Pair("offset_mm", &Spec::offset_mm, -50, 50, "mm",
-                "distances by which the entry and the path along the centerline are moved across "
-                "their direction, towards the first and second normal")
+                "sideways displacement of the entry and of the path along the centerline: towards "
+                "the first normal, and towards the second")
           .Checked(CheckEntry)
           .Example(
               "centerline = \"curve_14\"\n"

@@ -150,9 +150,10 @@ const Keys<InstrumentSpec>& InstrumentKeys() {
       Keys<Spec>()
           .Text("name", &Spec::name, "name of the instrument in commands, scripts and states")
           .Otherwise("none")
-          .Text("device", &Spec::device,
-                "name of a device in host/devices, which supplies every value from from_tip_mm on "
-                "that is not given here")
+          .Text(
+              "device", &Spec::device,
+              "name of a device in host/devices; it supplies the keys below, from from_tip_mm on, "
+              "that the scene does not give")
           .Required()
           .Number("max_length_mm", &Spec::max_length_mm, 1, 5000, "mm",
                   "largest insertion of the instrument; a larger command is clamped to it")

@@ -94,8 +94,8 @@ void Scene::MakeAxes() {
   if (axes_.left.cross(axes_.posterior).dot(axes_.superior) < 0.5) {
     spec_.axes.origin.Refuse(
         "superior",
-        "left, posterior and superior do not form a right-handed frame; a patient's do (left x "
-        "posterior = superior)");
+        "left, posterior and superior do not form a right-handed frame; give directions with left "
+        "x posterior = superior");
   }
 }
 

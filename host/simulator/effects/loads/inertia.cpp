@@ -180,9 +180,9 @@ const Keys<InertiaSpec>& InertiaKeys() {
       Keys<InertiaSpec>()
           .Number("drag_mPa_s", &InertiaSpec::drag_mPa_s, 0, 1e6, "mPa s",
                   "drag coefficient of the blood: transverse force on an instrument per length and "
-                  "velocity. The default holds for a thin rod of 200 diameters at 3.5 mPa s, from "
-                  "4 pi viscosity / (ln(length / diameter) + 0.84) (Tirado and Garcia de la Torre, "
-                  "J Chem Phys 1979;71:2581)")
+                  "velocity. The default holds for a thin rod of 200 diameters at 3.5 mPa s: 4 pi "
+                  "viscosity / (ln(length / diameter) + 0.84). Source: Tirado and Garcia de la "
+                  "Torre, J Chem Phys 1979;71:2581")
           .Example("drag_mPa_s = 7\n");
   return keys;
 }

@@ -154,8 +154,8 @@ const Keys<OutletsSpec>& OutletsKeys() {
   static const Keys<OutletsSpec> keys =
       Keys<OutletsSpec>()
           .Number("distance_mm", &OutletsSpec::distance_mm, 0.3, 20, "mm",
-                  "distance between the surface of an instrument and the flat end of an outlet at "
-                  "which the instrument leaves the model")
+                  "distance of an instrument's surface from the flat end of an outlet, at which it "
+                  "leaves the model")
           .Example("");
   return keys;
 }
@@ -171,7 +171,7 @@ EffectKind OutletsKind() {
   return {.name = "outlets",
           .summary =
               "ends of the vessel's model: an instrument that reaches one is held there, "
-              "and the status says so",
+              "and status has bit 7",
           .roles = "observer, limit",
           .keys = Any(OutletsKeys()),
           .make = MakeWith(MakeOutlets)};

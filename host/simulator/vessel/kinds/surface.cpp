@@ -43,7 +43,7 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
           .Otherwise("none")
           .Text("centerlines", &SurfaceSpec::centerlines,
                 "folder with centerlines from 3D Slicer (.mrk.json), in the frame of the surface "
-                "file, in the unit that they name, or in mm")
+                "file; their unit is the one that they name, otherwise mm")
           .Example(
               "kind = \"surface\"\n"
               "file = \"meshes/neuro_arch/surface.obj\"\n"

@@ -40,10 +40,10 @@ const Keys<TubeSpec>& TubeKeys() {
           .Required()
           .Numbers(
               "radii_mm", &TubeSpec::radii_mm, 0.1, 50, "mm",
-              "radius of the lumen: one value, or one per point in points_mm; between two points "
-              "it changes by t^2 (3 - 2 t) of their difference, where t is the fraction of "
-              "the axis between them; where it grows or shrinks through more than two "
-              "points, it is not level at the inner ones (monotone cubic)")
+              "radius of the lumen: one value, or one per point in points_mm, joined by a monotone "
+              "cubic with slope 0 at the ends and at local extremes; between two points with slope "
+              "0 it changes by t^2 (3 - 2 t) of their difference, where t is the fraction of the "
+              "axis between them")
           .Checked([](const TubeSpec& spec, StrictTable& table) {
             if (spec.radii_mm.size() == 1 || spec.radii_mm.size() == spec.points_mm.size()) return;
             table.Refuse("radii_mm", fmt::format("needs one radius, or one for each of the {} "
