@@ -145,7 +145,7 @@ std::vector<std::string> LogGaps::DescribeSilences() const {
   std::vector<std::string> lines;
   for (const auto& [key, of] : senders_) {
     if (of.silences == 0) continue;
-    lines.push_back(fmt::format("{} silences{} at {}: messages are missing, or came late",
+    lines.push_back(fmt::format("{} pauses{} at {}: messages are missing, or came late",
                                 of.silences, Of(key.second), key.first));
   }
   return lines;

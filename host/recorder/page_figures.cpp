@@ -23,7 +23,8 @@ std::string TimeOfPeak(const Series& series) {
 
 // Doubt about an instrument that is not good.
 std::string DoubtOf(const InstrumentReport& instrument) {
-  if (instrument.reports_lost < 0) return " may have lost reports of its device: none was counted.";
+  if (instrument.reports_lost < 0)
+    return " may have lost reports of its device: their number is not known.";
   if (instrument.reports_lost > 0) {
     return fmt::format(" lost {} reports of its device.", instrument.reports_lost);
   }
@@ -59,9 +60,10 @@ PageVerdict PageFigures::Verdict() const {
                 "machine, so they are not marks."};
   }
   if (!now_.target_reached && report_.Has("assessment")) {
-    return {PageVerdict::Kind::kOpen, "Not known",
-            "The result of this session is not known: no moment of it settled, or its readings are "
-            "missing. The measured values are below."};
+    return {
+        PageVerdict::Kind::kOpen, "Not known",
+        "The result of this session is not known: the simulation never settled, or its readings "
+        "are missing. The measured values are below."};
   }
   if (!now_.target_reached) {
     return {PageVerdict::Kind::kOpen, "Not assessed",

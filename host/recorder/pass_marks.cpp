@@ -31,7 +31,7 @@ constexpr std::array<MarkKey, 10> kMarkKeys = {
      {"fluoroscopy_s", "Fluoroscopy time", "fluoroscopy_s", "assessment"},
      {"air_kerma_mGy", "Air kerma at the reference point", "air_kerma_mGy", "fluoroscopy"},
      {"contrast_mL", "Contrast agent", "contrast_injected_mL", "contrast"},
-     {"path_ratio", "Path of the tip over the way to the target", "tip_path_ratio", "assessment"},
+     {"path_ratio", "Path of the tip over the length of the route", "tip_path_ratio", "assessment"},
      {"wrong_vessels", "Wrong vessels entered", "wrong_vessel_entries", "assessment"},
      {"retractions", "Retractions of 2 mm or more", "retractions", "assessment"}}};
 constexpr char kTargetReached[] = "target_reached";
