@@ -48,8 +48,8 @@ void CheckImaging(const Imaging& imaging) {
   if (simulator::IsValid(ToEffects(imaging))) return;
   throw Error(fmt::format(
       "imaging has mode {}, pulses_per_s {}, magnification {}, shutters left {}, right {}, top {}, "
-      "bottom {}; give a mode that there is, 1 to 60 pulses or 0, magnification 1 to 4, shutters 0 "
-      "to 0.45",
+      "bottom {}; give a mode of Imaging::Mode, 1 to 60 pulses or 0, magnification 1 to 4, "
+      "shutters 0 to 0.45",
       static_cast<int>(imaging.mode), imaging.pulses_per_s, imaging.magnification, imaging.left,
       imaging.right, imaging.top, imaging.bottom));
 }

@@ -343,8 +343,8 @@ void Daemon::AnnounceMark(const MarkPassage& mark) {
   } else if (mark.refused) {
     Announce(health_.state(),
              fmt::format("the end switch closed {:.1f} mm from its previous position, which is "
-                         "more than the device's travel; no motion is corrected, and the switch is "
-                         "taken to be here from now on",
+                         "more than the device's travel; no motion is corrected, and this "
+                         "position of the switch is the new reference",
                          std::abs(mark.lost_mm)));
   } else if (mark.lost_mm != 0.0) {
     Announce(health_.state(),

@@ -357,7 +357,7 @@ int Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program(
       "torquer-calibrate",
-      "Guides the operator through pushes between two stops and through whole turns, in about five "
+      "Guides the operator through pushes between two stops and through whole turns, in about six "
       "minutes. It keeps the factors that convert this device's counts to mm and rad. Without "
       "--source it calibrates the bench device on USB.");
   program.Note(
