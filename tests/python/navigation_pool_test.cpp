@@ -17,9 +17,7 @@ constexpr std::size_t kEnvironments = 6;
 
 Scene TwoBranches() {
   const std::string folder = test::SourcePath("/host/scenes");
-  return Scene::FromText(Scene::FromFile(folder + "/ty_phantom.toml").text() +
-                             "\n[effects.wall_force]\nthreshold_mN = 100\n",
-                         folder);
+  return Scene::FromFile(folder + "/ty_phantom.toml");
 }
 
 NavigationTask IntoTheSide(const Scene& scene) {

@@ -363,7 +363,7 @@ TEST_CASE("Limits are those of the scene, its defaults included") {
   CHECK(limits.patch_mm == 2);  // a default
   CHECK(limits.threshold_mN == 30);
   const SessionLimits none =
-      ReadLimits(scene::ReadScene(SourcePath("/host/scenes/ty_phantom.toml")));
+      ReadLimits(scene::ReadScene(SourcePath("/host/scenes/drill_tube.toml")));
   CHECK(none.target_centerline.empty());
   CHECK_FALSE(none.force_limit_mN);
 }
@@ -376,7 +376,7 @@ TEST_CASE("torquer-report writes the page and the summary, and refuses invalid p
   const auto run = [&folder](const std::string& arguments) {
     const std::string command = ProgramPath("torquer-report") + " " + folder.Path("log") +
                                 " --calibration " + folder.Path("calibration.toml") + " --scene " +
-                                SourcePath("/host/scenes/ty_phantom.toml") + " " + arguments +
+                                SourcePath("/host/scenes/drill_tube.toml") + " " + arguments +
                                 " >" + folder.Path("out") + " 2>" + folder.Path("err");
     return WEXITSTATUS(std::system(command.c_str()));
   };

@@ -38,7 +38,7 @@ TEST_CASE("torquer-report judges, prints and draws") {
   const std::string drawn = given + " --json --picture " + folder.Path("wire.svg");
   CHECK(run(drawn) == 2);
   CHECK_THAT(text("err"), Catch::Contains("made_up.toml"));
-  REQUIRE(run(drawn + " --scene " + SourcePath("/host/scenes/ty_phantom.toml")) == 0);
+  REQUIRE(run(drawn + " --scene " + SourcePath("/host/scenes/drill_tube.toml")) == 0);
   const auto json = nlohmann::json::parse(text("out"));
   REQUIRE(json["instruments"].size() == 1);
   for (const char* key :

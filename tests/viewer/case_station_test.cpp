@@ -314,8 +314,8 @@ TEST_CASE("Cases are a folder's scenes with a section [case], the easiest first"
     text.replace(begin, end - begin, title.empty() ? "" : described);
     std::ofstream(folder.Path(as + ".toml")) << text;
   };
-  copy("drill_tube", "b", 4, "Later");
-  copy("drill_tube", "a", 4, "Sooner");
+  copy("calcified", "b", 4, "Later");
+  copy("calcified", "a", 4, "Sooner");
   copy("ty_phantom", "z", 1, "First");
   copy("ty_phantom", "none", 1, "");
   std::ofstream(folder.Path("broken.toml")) << "name = 3\n";
