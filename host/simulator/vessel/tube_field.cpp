@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "host/simulator/vessel/tube_sphere.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel {
@@ -15,24 +16,6 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kNoTube = -std::numeric_limits<double>::infinity();  // value without a tube
-
-// Distance d to the axis as a function Q of u = d^2, rounded for d < round. The even polynomial
-// round (3/8 + 3/4 (d/round)^2 - 1/8 (d/round)^4) meets d with two derivatives at d = round.
-struct RoundedDistance {
-  double value, first, second;  // Q, dQ/du, d2Q/du2
-};
-
-// Always inline: otherwise the sources in the same batch decide, and a look-up costs a fifth more.
-[[gnu::always_inline]] inline RoundedDistance Rounded(double u, double round) {
-  if (u >= round * round) {
-    const double d = std::sqrt(u);
-    return {d, 0.5 / d, -0.25 / (d * u)};
-  }
-  const double inverse = 1 / round;
-  const double w = u * inverse * inverse;
-  return {round * (0.375 + w * (0.75 - 0.125 * w)), inverse * (0.75 - 0.25 * w),
-          -0.25 * inverse * inverse * inverse};
-}
 
 // Slopes of a monotone cubic through (x, y) (Fritsch & Butland 1984): 0 at the ends and at extrema.
 std::vector<double> MonotoneSlopes(const std::vector<double>& x, const std::vector<double>& y) {
@@ -230,25 +213,25 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
   const Vector3d d = p - primitive.origin;
   const double along = d.dot(primitive.x);
   double u = 0;
-  double distance2 = 0;
   bool interior = true;
+  if (!primitive.is_arc && primitive.constant_radius) {
+    u = std::clamp(along, 0.0, primitive.length);
+    const double value =
+        primitive.r0 - Rounded((d - u * primitive.x).squaredNorm(), round_mm).value;
+    if (value > best.value) best = {value, u, &primitive, u == along};
+    return;
+  }
+  const double across = d.dot(primitive.y), height = d.dot(primitive.z);
+  const Vector3d own(along, across, height);
+  SphereOffset foot = {};
   if (!primitive.is_arc) {
-    u = along;
-    if (!(u > 0)) {
-      u = 0;
-      interior = false;
-    } else if (u > primitive.length) {
-      u = primitive.length;
-      interior = false;
-    }
-    distance2 = (d - u * primitive.x).squaredNorm();
+    u = std::clamp(along, 0.0, primitive.length);
+    foot = SphereAt(primitive, own, u);
   } else {
-    const double across = d.dot(primitive.y);
-    const double height = d.dot(primitive.z);
     const double in_plane = std::sqrt(along * along + across * across);
     if (along >= primitive.cos_half * in_plane) {
       const double off = in_plane - primitive.bend_radius;
-      distance2 = height * height + off * off;
+      foot = {height * height + off * off, 0, -off / primitive.bend_radius};
       // Only a changing radius needs u here; for a constant one, Differentiate finds it.
       u = primitive.constant_radius
               ? 0
@@ -258,33 +241,13 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
       u = across < 0 ? 0 : primitive.length;
       const double ex = along - primitive.bend_radius * primitive.cos_half;
       const double ey = std::abs(across) - primitive.bend_radius * primitive.sin_half;
-      distance2 = height * height + ex * ex + ey * ey;
+      foot.distance2 = height * height + ex * ex + ey * ey;
+      if (!primitive.constant_radius) foot = SphereAt(primitive, own, u);
     }
   }
-  double value = 0;
-  if (primitive.constant_radius) {
-    value = primitive.r0 - Rounded(distance2, round_mm).value;
-  } else {
-    // The sphere that reaches furthest is not the nearest one: Newton steps climb from there.
-    for (int iteration = 0; iteration < 20; ++iteration) {
-      const Offset offset = OffsetAt(primitive, p, u);
-      const RoundedDistance q = Rounded(offset.v.squaredNorm(), round_mm);
-      const double slope =
-          primitive.r1 + u * (2 * primitive.r2 + 3 * u * primitive.r3) + 2 * q.first * offset.along;
-      const double bend = 2 * primitive.r2 + 6 * u * primitive.r3 +
-                          2 * q.first * (offset.curved - 1) -
-                          4 * q.second * offset.along * offset.along;
-      const double step = bend < 0 ? -slope / bend : (slope > 0 ? 1.0 : -1.0);
-      const double next = std::clamp(u + step, 0.0, primitive.length);
-      interior = next == u + step;
-      const bool done = std::abs(next - u) < 1e-12 * (1 + primitive.length);
-      u = next;
-      if (done) break;
-    }
-    const Offset offset = OffsetAt(primitive, p, u);
-    value = primitive.r0 + u * (primitive.r1 + u * (primitive.r2 + u * primitive.r3)) -
-            Rounded(offset.v.squaredNorm(), round_mm).value;
-  }
+  const double value = primitive.constant_radius
+                           ? primitive.r0 - Rounded(foot.distance2, round_mm).value
+                           : Climb(primitive, own, round_mm, foot, u, interior);
   if (value > best.value) best = {value, u, &primitive, interior};
 }
 
