@@ -85,13 +85,33 @@ PointSet::Place Friction::PlaceOf(const PointSet& points, std::size_t spot) cons
                         points.instruments.behind_mm[instrument]);
 }
 
+namespace {
+
+// Shares a force at the place `at` between the spots around it, 0 to `last`. All places are in
+// spots from the tip. The part of a spot falls with its distance, to 0 at a segment. So the same
+// load on every chord gives the same force to every spot. This also holds where chords touch with
+// their ends alone. The spots at both ends also take the parts of spots beyond them.
+template <class Press>
+void Spread(double at, int per_segment, double last, const Press& press) {
+  const int nearest = static_cast<int>(at);
+  for (int from_tip = nearest - per_segment + 1; from_tip <= nearest + per_segment; ++from_tip) {
+    const double part = (1 - std::abs(at - from_tip) / per_segment) / per_segment;
+    if (part <= 0) continue;
+    press(static_cast<std::size_t>(std::clamp(from_tip, 0, static_cast<int>(last))), part);
+  }
+}
+
+}  // namespace
+
 // Shares the contact force of each point between the spots on either side of it, by the lever rule.
+// With several instruments on the curve, Spread shares it.
 void Friction::FindPresses(const PointSet& points) {
   Spots& on = SpotsOn(points);
   for (const std::size_t spot : on.pressed) presses_[spot] = Press();
   on.pressed.clear();
   if (points.near.empty()) return;
   constexpr double kRounding = 1e-9;
+  const bool several = points.instruments.last - points.instruments.first > 1;
   const double spacing_mm = points.spacing_mm;
   const double inserted_mm = points.FromTipMm(0) + points.first_spacing_mm;
   for (const int q : points.near) {
@@ -117,6 +137,10 @@ void Friction::FindPresses(const PointSet& points) {
       here.normal_N += weight * normal_N;
       here.limit_N += weight * limit_N;
     };
+    if (several) {
+      Spread(at, points.per_segment, (inserted_mm - behind_mm) / spacing_mm + kRounding, press);
+      continue;
+    }
     press(first, 1 - fraction);
     if (fraction > 0) press(first + 1, fraction);
   }
