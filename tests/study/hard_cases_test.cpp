@@ -92,11 +92,11 @@ TEST_CASE("A tick that lies about the wire is found out") {
   std::vector<Vector3d> tangents = rest.state.tangents();
   for (Vector3d& u : tangents) u = Vector3d(u[0], u[2], -u[1]);
   const WireState whipped = WithTangents(rest.model, rest.state, tangents);
-  CHECK(check(rest.report, whipped).find("it was not said") != std::string::npos);
+  CHECK(check(rest.report, whipped).find("no snap was reported") != std::string::npos);
   // The report claims a snap, but nothing has moved.
   report = rest.report;
   report.snapped = true;
-  CHECK(check(report, rest.state).find("called a snap") != std::string::npos);
+  CHECK(check(report, rest.state).find("a snap was reported") != std::string::npos);
 }
 
 TEST_CASE("The result of a case is compared with the limits of the case") {

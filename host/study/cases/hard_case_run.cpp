@@ -177,7 +177,7 @@ class HardRun {
   // Repeats the first ticks: everything in between must have no lasting effect.
   void BeginAnew() {
     if (HashState(state_) != HashState(WireState(scene_.model))) {
-      outcome_.broken = "drawn out and turned back, the wire is not as at the start";
+      outcome_.broken = "drawn out and turned back, the wire differs from its initial state";
       return;
     }
     for (std::size_t k = 0; k < first_.size(); ++k) {
@@ -293,7 +293,8 @@ std::string Objection(const HardCase& hard, Way way, const HardOutcome& outcome)
          << allowed_mm << ". ";
   }
   if ((paper ? hard.paper.settles : hard.settles) && !outcome.settled) {
-    what << "the hand rests, the wire does not: residual " << outcome.last_residual << ". ";
+    what << "the hand rests, but the wire does not come to rest: residual " << outcome.last_residual
+         << ". ";
   }
   return what.str();
 }

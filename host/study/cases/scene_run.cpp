@@ -343,14 +343,17 @@ class SceneRun {
     constexpr int kSettle = 40;
     constexpr int kUnits = 400;
     for (int k = 0; k < kArrive && IsWhole() && !session_.report().arrived(); ++k) Tick(kUnits);
-    if (!session_.report().arrived()) Object("the instruments do not arrive");
+    if (!session_.report().arrived()) {
+      Object("the instruments do not reach their commanded positions");
+    }
     for (int k = 0; k < kSettle && IsWhole() && !outcome_.settled; ++k) {
       Step();
       Tick(kUnits);
       outcome_.settled = session_.at_rest();
     }
     if (!evolves_ && !outcome_.settled) {
-      Object("the hands rest, the instruments do not: residual ", outcome_.last_residual);
+      Object("the hands rest, but the instruments do not come to rest: residual ",
+             outcome_.last_residual);
     }
   }
 
@@ -361,7 +364,7 @@ class SceneRun {
       Tick(400);
       if (session_.report().arrived()) return;
     }
-    Object("the instruments do not come out");
+    Object("the instruments cannot be drawn out");
   }
 
   void BeginAnew() {

@@ -114,12 +114,12 @@ class TickChecker {
                              2 * bend_mm_ * std::sin(std::min(turn_rad, std::numbers::pi) / 2);
     const double tip = (state.nodes().back() - tip_).norm();
     if (tip > 4 * explained + 20 && !report.snapped) {
-      what << "the tip went " << tip << " where the hand explains " << explained
-           << " and it was not said. ";
+      what << "the tip moved " << tip << " mm, the hand explains " << explained
+           << " mm, and no snap was reported. ";
     }
     if (tip <= explained && report.snapped) {
-      what << "the tip went " << tip << ", the hand explains " << explained
-           << ", and it was called a snap. ";
+      what << "the tip moved " << tip << " mm, the hand explains " << explained
+           << " mm, and a snap was reported. ";
     }
     if (tip > insertion_mm_ + state.insertion_mm() + 1e-9) {
       what << "the tip went " << tip << ", farther than the wire is long. ";
