@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calibration/calibration_file.h"
+#include "host/recorder/expert_run.h"
 #include "host/recorder/pass_marks.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/report_page.h"
@@ -36,6 +37,8 @@ struct Arguments {
   std::string page;
   std::string scene;
   std::string marks;
+  std::string trainee;
+  std::string group;
   bool json = false;
   bool examination = false;
 };
@@ -114,11 +117,18 @@ std::unique_ptr<torquer::scene::Scene> OpenAndJudge(const std::string& log,
     report.not_gradable = error.what();
     return nullptr;
   }
-  if (observed) torquer::ApplyJudgment(torquer::JudgeSession(*scene, log), report);
+  if (!observed) return scene;
+  torquer::ApplyJudgment(torquer::JudgeSession(*scene, log), report);
+  const std::string expert = torquer::ExpertPath(scene->spec().path);
+  std::error_code error;
+  if (std::filesystem::exists(expert, error)) report.expert = torquer::RunExpert(*scene, expert);
   return scene;
 }
 
 int Run(const Arguments& arguments) {
+  if (arguments.trainee.empty() && !arguments.group.empty()) {
+    throw torquer::UsageError("--group " + arguments.group + ": name the trainee by --trainee");
+  }
   if (arguments.log.empty()) throw torquer::UsageError("LOG is missing; name the log of a session");
   if (!arguments.page.empty() && !arguments.page.ends_with(".html")) {
     throw torquer::UsageError("--page " + arguments.page + ": name a file that ends in .html");
@@ -139,6 +149,8 @@ int Run(const Arguments& arguments) {
   report.unknown = summary.unknown;
   report.started_us = summary.started_us;
   report.examination = arguments.examination;
+  report.trainee = arguments.trainee;
+  report.group = arguments.group;
   const std::string scene_file = arguments.scene.empty() ? report.scene_file : arguments.scene;
   report.marks = MarksOf(arguments.marks, scene_file, report);
   const std::unique_ptr<torquer::scene::Scene> opened =
@@ -191,6 +203,10 @@ int main(int argc, char** argv) {
                torquer::ValueKind::kFile);
   options.Flag("--examination", arguments.examination,
                "note in all outputs that the session was an examination, not practice");
+  options.Text("--trainee", "NAME", arguments.trainee,
+               "name of the trainee, for all outputs; the learning curve has the sessions of one "
+               "trainee");
+  options.Text("--group", "NAME", arguments.group, "group of the trainee, such as a course");
   options.Text("--scene", "FILE", arguments.scene,
                "scene file with the vessel (default: the file that the simulator used)",
                torquer::ValueKind::kFile);

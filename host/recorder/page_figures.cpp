@@ -215,6 +215,10 @@ std::vector<PageRow> PageFigures::Radiation() const {
   if (const auto kerma = Reading("air_kerma_mGy")) {
     rows.push_back({"Air kerma at the reference point", ValueText(*kerma) + " mGy"});
   }
+  if (now_.air_kerma_mGy_min) {
+    rows.push_back(
+        {"Its mean rate with the pedal down", ValueText(*now_.air_kerma_mGy_min) + " mGy/min"});
+  }
   if (const auto kerma_area = Reading("kerma_area_Gy_cm2")) {
     rows.push_back({"Kerma-area product", ValueText(*kerma_area) + " Gy cm&#xb2;"});
   }
@@ -223,6 +227,22 @@ std::vector<PageRow> PageFigures::Radiation() const {
     rows.push_back({"Time of injection", SecondsText(report_.course.contrast().total_s())});
   } else {
     rows.push_back({"Contrast agent", "none in this scene"});
+  }
+  return rows;
+}
+
+std::vector<PageRow> PageFigures::Phases() const {
+  std::vector<PageRow> rows;
+  const auto add = [&rows](const char* name, const std::optional<double>& time_s) {
+    if (time_s) rows.push_back({name, SecondsText(*time_s)});
+  };
+  add("Before the first motion", now_.phases.before_motion_s);
+  add(now_.target_s ? "From there to the target" : "From there to the end",
+      now_.phases.on_the_way_s);
+  add("After the target", now_.phases.after_target_s);
+  if (now_.blind_mm && now_.blind_s) {
+    rows.push_back({"Moving without X-ray",
+                    SecondsText(*now_.blind_s) + ", " + ValueText(*now_.blind_mm) + " mm"});
   }
   return rows;
 }

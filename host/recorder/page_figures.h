@@ -50,6 +50,8 @@ class PageFigures {
   /// session is not gradable.
   std::vector<PageFinding> Findings() const;
   std::vector<PageRow> Radiation() const;
+  /// Time per phase, and motion without X-ray; empty if the session is not gradable.
+  std::vector<PageRow> Phases() const;
   std::vector<PageRow> Motion() const;
   std::vector<PageRow> Solver() const;
   std::vector<PageRow> Device() const;

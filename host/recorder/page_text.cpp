@@ -34,12 +34,13 @@ std::string ValueText(double value) {
 std::string ReadingText(std::string_view name, double value) {
   // Ends of names and their units; an end that contains a later one comes before it.
   static constexpr std::pair<std::string_view, std::string_view> kUnits[] = {
-      {"_mm_s", "mm/s"},   {"line_load_mN_mm", "mN/mm"},
-      {"_mN_mm", "mN mm"}, {"_mm", "mm"},
-      {"_mN", "mN"},       {"_mNs", "mN s"},
-      {"_kPa", "kPa"},     {"_mJ", "mJ"},
-      {"_mL", "mL"},       {"_mg", "mg"},
-      {"_mGy", "mGy"},     {"_Gy_cm2", "Gy cm\u00b2"}};
+      {"_mm_s", "mm/s"},      {"line_load_mN_mm", "mN/mm"},
+      {"_mN_mm", "mN mm"},    {"_mm", "mm"},
+      {"_mN", "mN"},          {"_mNs", "mN s"},
+      {"_kPa", "kPa"},        {"_mJ", "mJ"},
+      {"_mL", "mL"},          {"_mg", "mg"},
+      {"_mGy", "mGy"},        {"_Gy_cm2", "Gy cm\u00b2"},
+      {"_mGy_min", "mGy/min"}};
   constexpr double kLongestS = 1e9;  // values of a log may be anything
   if (std::isnan(value)) return "not known";
   for (const auto& [end, unit] : kUnits) {

@@ -10,6 +10,7 @@
 
 #include "host/recorder/json_values.h"
 #include "host/recorder/page_text.h"
+#include "host/recorder/session_summary.h"
 #include "host/support/angle.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
@@ -126,6 +127,49 @@ std::string FormatMarks(const MarkSheet& sheet) {
   return text;
 }
 
+// "; expert run VALUE"; "" without an expert run that has the reading.
+std::string ExpertText(const SessionReport& report, const std::string& name) {
+  if (!report.expert) return "";
+  const std::optional<double> value = FindReading(report.expert->readings, name);
+  return value ? "; expert run " + ReadingText(name, *value) : "";
+}
+
+nlohmann::ordered_json ReadingsJson(const torquer_lcm::readings_t& readings) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (std::size_t i = 0; i < readings.names.size(); ++i) {
+    json[readings.names[i]] = readings.values[i];
+  }
+  return json;
+}
+
+nlohmann::ordered_json ExpertJson(const SessionReport& report) {
+  if (!report.expert) return nullptr;
+  return {{"script", report.expert->file}, {"readings", ReadingsJson(report.expert->readings)}};
+}
+
+// Time per phase, motion without X-ray, and the rate of the dose.
+std::string FormatPhases(const SessionSummary& summary) {
+  std::string text;
+  const auto add = [&text](const char* name, const std::optional<double>& value) {
+    if (!value) return;
+    text += fmt::format("  {:<13}{} {}\n", text.empty() ? "phases" : "", name,
+                        ReadingText(name, *value));
+  };
+  add("before_motion_s", summary.phases.before_motion_s);
+  add("on_the_way_s", summary.phases.on_the_way_s);
+  add("after_target_s", summary.phases.after_target_s);
+  add("blind_s", summary.blind_s);
+  add("blind_mm", summary.blind_mm);
+  add("air_kerma_mGy_min", summary.air_kerma_mGy_min);
+  return text;
+}
+
+nlohmann::ordered_json PhasesJson(const SessionSummary& summary) {
+  return {{"before_motion_s", OrNull(summary.phases.before_motion_s)},
+          {"on_the_way_s", OrNull(summary.phases.on_the_way_s)},
+          {"after_target_s", OrNull(summary.phases.after_target_s)}};
+}
+
 // Adds all figures of a single wire, but only the decisive ones for each of several instruments.
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
   const std::string apart = CountsText(report.axial.error_counts);
@@ -167,9 +211,10 @@ std::string FormatReport(const SessionReport& report) {
   }
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
     const std::string& name = report.readings.names[i];
-    text += fmt::format("  {:<13}{} {}\n", i == 0 ? "readings" : "", Printable(name),
-                        ReadingText(name, report.readings.values[i]));
+    text += fmt::format("  {:<13}{} {}{}\n", i == 0 ? "readings" : "", Printable(name),
+                        ReadingText(name, report.readings.values[i]), ExpertText(report, name));
   }
+  text += FormatPhases(Summarize(report));
   if (report.judged) {
     text += "               from a replay of the commands at full accuracy\n";
   }
@@ -207,10 +252,6 @@ std::string FormatReport(const SessionReport& report) {
 
 std::string FormatReportJson(const SessionReport& report, const std::string& picture,
                              const std::string& page) {
-  nlohmann::ordered_json readings = nlohmann::ordered_json::object();
-  for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
-    readings[report.readings.names[i]] = report.readings.values[i];
-  }
   nlohmann::ordered_json instruments = nlohmann::ordered_json::array();
   for (const InstrumentReport& instrument : report.instruments) {
     instruments.push_back(InstrumentJson(instrument));
@@ -223,7 +264,10 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
     passed = OrNull(report.marks->Passed());
     marks = MarksJson(*report.marks);
   }
+  const SessionSummary summary = Summarize(report);
   const nlohmann::ordered_json json = {{"scene", report.scene},
+                                       {"trainee", report.trainee},
+                                       {"group", report.group},
                                        {"examination", report.examination},
                                        {"method", report.method},
                                        {"duration_s", report.duration_s},
@@ -243,11 +287,16 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"unknown_channels", report.unknown},
                                        {"log_ended", report.ended},
                                        {"log_damage", report.damage.Describe()},
-                                       {"readings", std::move(readings)},
+                                       {"readings", ReadingsJson(report.readings)},
+                                       {"phases", PhasesJson(summary)},
+                                       {"blind_s", OrNull(summary.blind_s)},
+                                       {"blind_mm", OrNull(summary.blind_mm)},
+                                       {"air_kerma_mGy_min", OrNull(summary.air_kerma_mGy_min)},
                                        {"judged", report.judged},
                                        {"not_gradable", std::move(not_gradable)},
                                        {"passed", std::move(passed)},
                                        {"marks", std::move(marks)},
+                                       {"expert", ExpertJson(report)},
                                        {"picture", picture},
                                        {"page", page}};
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -17,11 +19,34 @@
 namespace torquer {
 namespace {
 
+// The report of a session that went as the expert run.
+SessionReport ReportOfExpert(const SessionReport& report) {
+  SessionReport expert = report;
+  expert.readings = report.expert->readings;
+  expert.course = report.expert->course;
+  expert.not_gradable.clear();
+  return expert;
+}
+
+// Value of the row with this name; a dash if there is none.
+template <class Row>
+std::string ValueIn(const std::vector<Row>& rows, const std::string& name,
+                    std::string Row::*value) {
+  for (const Row& row : rows) {
+    if (row.name == name) return row.*value;
+  }
+  return "&#x2013;";
+}
+
 /// Writes one page from the top down.
 class Page {
  public:
   Page(const SessionReport& report, const PageParts& parts)
-      : report_(report), parts_(parts), figures_(report, parts.limits, parts.scene_changed) {}
+      : report_(report), parts_(parts), figures_(report, parts.limits, parts.scene_changed) {
+    if (!report.expert) return;
+    expert_report_.emplace(ReportOfExpert(report));
+    expert_.emplace(*expert_report_, parts.limits, parts.scene_changed);
+  }
 
   std::string Write() {
     Head();
@@ -52,12 +77,19 @@ class Page {
       instruments += (instruments.empty() ? "" : ", ") + SafeText(instrument.name);
     }
     Append(out_,
-           "<h1>{}: {}</h1>\n<p class=\"facts\">Began {}, recorded for {}. Vessel: {}. "
+           "<h1>{}: {}</h1>\n<p class=\"facts\">{}Began {}, recorded for {}. Vessel: {}. "
            "Instruments: {}.<br/>Recording: {}</p>\n",
-           report_.examination ? "Examination" : "Training session", scene,
+           report_.examination ? "Examination" : "Training session", scene, Trainee(),
            DateText(report_.started_us), SecondsText(report_.duration_s),
            SafeText(report_.description.vessel), instruments,
            SafeText(std::filesystem::path(parts_.log).filename().string()));
+  }
+
+  // "Trainee: NAME, group NAME." as a line; "" without a name.
+  std::string Trainee() const {
+    if (report_.trainee.empty()) return "";
+    const std::string group = report_.group.empty() ? "" : ", group " + SafeText(report_.group);
+    return "Trainee: " + SafeText(report_.trainee) + group + ".<br/>";
   }
 
   void Result() {
@@ -72,16 +104,28 @@ class Page {
     if (report_.marks) Marks(*report_.marks);
     const std::vector<PageFinding> findings = figures_.Findings();
     if (!findings.empty()) {
-      out_ +=
-          "<table class=\"findings\"><thead>"
-          "<tr><th>Measure</th><th>Result</th><th>Limit</th><th>Meaning</th></tr></thead><tbody>\n";
-      for (const PageFinding& finding : findings) {
-        Append(out_, "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td>{}</td></tr>\n",
-               finding.name, finding.found, finding.limit, finding.meaning);
-      }
-      out_ += "</tbody></table>\n";
+      AppendFindings(findings);
     }
     out_ += "</section>\n";
+  }
+
+  void AppendFindings(const std::vector<PageFinding>& findings) {
+    const std::vector<PageFinding> of_expert =
+        expert_ ? expert_->Findings() : std::vector<PageFinding>();
+    Append(out_,
+           "<table class=\"findings\"><thead>"
+           "<tr><th>Measure</th><th>Result</th>{}<th>Limit</th><th>Meaning</th></tr></thead>"
+           "<tbody>\n",
+           expert_ ? "<th>Expert run</th>" : "");
+    for (const PageFinding& finding : findings) {
+      Append(out_, "<tr><td>{}</td><td class=\"number\">{}</td>", finding.name, finding.found);
+      if (expert_) {
+        Append(out_, "<td class=\"number\">{}</td>",
+               ValueIn(of_expert, finding.name, &PageFinding::found));
+      }
+      Append(out_, "<td>{}</td><td>{}</td></tr>\n", finding.limit, finding.meaning);
+    }
+    out_ += "</tbody></table>\n";
   }
 
   void Marks(const MarkSheet& sheet) {
@@ -159,8 +203,9 @@ class Page {
 
   void Figures() {
     out_ += "<section>\n<h2>Figures</h2>\n<div class=\"columns\">\n";
-    Table("Radiation and contrast", figures_.Radiation());
-    Table("Motion", figures_.Motion());
+    CompareWithExpert("Radiation and contrast", &PageFigures::Radiation);
+    CompareWithExpert("Motion", &PageFigures::Motion);
+    CompareWithExpert("Phases", &PageFigures::Phases);
     out_ += "</div>\n</section>\n";
   }
 
@@ -171,6 +216,24 @@ class Page {
     out_ +=
         "</div>\n<p class=\"small\">The residual is the largest out-of-balance moment over the "
         "local EI/(1 mm).</p>\n</section>\n";
+  }
+
+  // A table with the values of the expert run beside those of the session.
+  void CompareWithExpert(const char* heading,
+                         std::vector<PageRow> (PageFigures::*rows_of)() const) {
+    const std::vector<PageRow> rows = (figures_.*rows_of)();
+    if (rows.empty()) return;
+    if (!expert_) return Table(heading, rows);
+    const std::vector<PageRow> of_expert = ((*expert_).*rows_of)();
+    Append(out_,
+           "<div><h3>{}</h3>\n<table><thead><tr><th></th><th>Session</th><th>Expert run</th></tr>"
+           "</thead><tbody>\n",
+           heading);
+    for (const PageRow& row : rows) {
+      Append(out_, "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+             row.name, row.value, ValueIn(of_expert, row.name, &PageRow::value));
+    }
+    out_ += "</tbody></table></div>\n";
   }
 
   void Table(const char* heading, const std::vector<PageRow>& rows) {
@@ -273,6 +336,12 @@ class Page {
           "<li>Measures and curves are those of a replay of the session's commands at full "
           "accuracy. They do not depend on the load of the machine.</li>\n";
     }
+    if (report_.expert) {
+      Append(out_,
+             "<li>The expert run is the script {} in the same scene, measured in the same way. It "
+             "is one good way, not the only one.</li>\n",
+             SafeText(std::filesystem::path(report_.expert->file).filename().string()));
+    }
     out_ +=
         "<li>Forces and pressures are those of the simulation; they have not been compared with "
         "a patient's.";
@@ -311,6 +380,8 @@ class Page {
   const SessionReport& report_;
   const PageParts& parts_;
   const PageFigures figures_;
+  std::optional<SessionReport> expert_report_;  // of the expert run
+  std::optional<PageFigures> expert_;           // refers to expert_report_
   std::string out_;
 };
 

@@ -63,6 +63,7 @@ void SessionCourse::Add(const torquer_lcm::wire_state_t& state) {
 }
 
 void SessionCourse::AddAt(double time_s, const Tick& tick) {
+  const double step_s = std::max(0.0, time_s - time_s_);
   time_s_ = std::max(time_s_, time_s);
   const std::size_t count = std::min(tick.instruments.size(), kMostInstruments);
   for (std::size_t k = 0; k < count; ++k) {
@@ -72,7 +73,27 @@ void SessionCourse::AddAt(double time_s, const Tick& tick) {
     instruments_[k].rotation_deg.Add(time_s_, kDegreesPerRad * instrument.rotation_rad);
     CountReversals(k, instrument.insertion_mm);
   }
+  FollowHands(std::min(step_s, kRestS), tick);
   if (count > 0) FollowTip(time_s_, Eigen::Vector3d(tick.instruments[0].tip_mm));
+}
+
+void SessionCourse::FollowHands(double step_s, const Tick& tick) {
+  bool moved = false;
+  for (std::size_t k = 0; k < std::min(tick.instruments.size(), kMostInstruments); ++k) {
+    const double mm = tick.instruments[k].insertion_mm;
+    const double rad = tick.instruments[k].rotation_rad;
+    if (!(std::abs(mm) <= Series::kMost) || !(std::abs(rad) <= Series::kMost)) continue;
+    if (!hands_[k]) hands_[k] = {mm, rad, mm, rad};
+    HandPoses& hand = *hands_[k];
+    moved = moved || mm != hand.now_mm || rad != hand.now_rad;
+    if (!xray_.on()) blind_.path_mm += std::abs(mm - hand.now_mm);
+    hand.now_mm = mm;
+    hand.now_rad = rad;
+    const bool first = std::abs(mm - hand.start_mm) > kFirstMotionMm ||
+                       std::abs(rad - hand.start_rad) > kFirstTurnRad;
+    if (first && !first_motion_s_) first_motion_s_ = time_s_;
+  }
+  if (moved && !xray_.on()) blind_.time_s += step_s;
 }
 
 void SessionCourse::FollowTip(double time_s, const Eigen::Vector3d& tip_mm) {

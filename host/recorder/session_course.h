@@ -29,6 +29,12 @@ struct InstrumentCourse {
   std::int64_t reversals = 0;
 };
 
+/// Motion of the hands while the X-ray pedal was up.
+struct BlindMotion {
+  double path_mm = 0;  ///< insertions, both ways, of all instruments together
+  double time_s = 0;   ///< time in which an instrument was pushed, pulled or turned
+};
+
 /// Solver outcomes, counted over the ticks of the log.
 struct SolverHealth {
   std::int64_t ticks = 0;
@@ -51,6 +57,9 @@ class SessionCourse {
   /// Smaller motion of the tip counts as tremor or sensor steps, as in the assessment.
   static constexpr double kPathStepMm = 0.5;
   static constexpr double kReversalMm = 1;
+  /// The session's first motion: an instrument has moved farther than this since the start.
+  static constexpr double kFirstMotionMm = 0.5;
+  static constexpr double kFirstTurnRad = 0.1;
   /// Tip speed is the straight-line distance over this window, divided by the window.
   static constexpr double kSpeedWindowS = 0.1;
   /// The tip moves when it is faster than this.
@@ -69,6 +78,9 @@ class SessionCourse {
   const std::vector<InstrumentCourse>& instruments() const { return instruments_; }
   const Spans& xray() const { return xray_; }          ///< pedal down
   const Spans& contrast() const { return contrast_; }  ///< pedal down
+  const BlindMotion& blind() const { return blind_; }
+  /// Time at which an instrument first moved; nullopt if none did.
+  const std::optional<double>& first_motion_s() const { return first_motion_s_; }
   /// Largest force of a patch in ticks that converged, mN; includes peaks between two messages.
   const Series& wall_force_mN() const { return wall_force_mN_; }
   /// The same in all other ticks, mN; these values do not count.
@@ -97,7 +109,16 @@ class SessionCourse {
     int direction = 0;  // 0: it has not moved yet
   };
 
+  // Pose of an instrument's hand at the start and at the newest tick.
+  struct HandPoses {
+    double start_mm = 0;
+    double start_rad = 0;
+    double now_mm = 0;
+    double now_rad = 0;
+  };
+
   void AddAt(double time_s, const Tick& tick);
+  void FollowHands(double step_s, const Tick& tick);
   void FollowTip(double time_s, const Eigen::Vector3d& tip_mm);
   void KeepWay(const Eigen::Vector3d& tip_mm);
   void CountReversals(std::size_t instrument, double insertion_mm);
@@ -109,6 +130,9 @@ class SessionCourse {
   double time_s_ = 0;
   std::vector<InstrumentCourse> instruments_;
   std::array<Turn, kMostInstruments> turns_;
+  std::array<std::optional<HandPoses>, kMostInstruments> hands_;
+  BlindMotion blind_;
+  std::optional<double> first_motion_s_;
   Spans xray_;
   Spans contrast_;
   std::optional<double> command_s_;  // time of the newest command

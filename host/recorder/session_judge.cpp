@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "host/api/row_run.h"
+#include "host/recorder/course_feed.h"
 #include "host/recorder/log_gaps.h"
 #include "host/recorder/session_log.h"
 #include "host/simulator/live_commands.h"
@@ -163,24 +164,24 @@ Command ToRow(const simulator::Command& live, double time_s) {
 class Repetition {
  public:
   Repetition(simulator::Simulation& simulation, const SessionFrame& frame)
-      : simulation_(simulation),
-        frame_(frame),
+      : frame_(frame),
         commands_(simulation),
         run_(simulation),
-        row_(frame.start_us() / kJudgeRowUs) {
-    Publish(frame.start_us());
+        row_(frame.start_us() / kJudgeRowUs),
+        feed_(simulation, frame.clock_id()) {
+    feed_.AddState(frame.start_us());
   }
 
   SessionJudgment Read(const std::string& path) {
     SessionHandlers handlers;
     handlers.command = [this](const torquer_lcm::instrument_command_t& message) {
       Take(message);
-      if (IsWithin(message)) judgment_.course.Add(message);
+      if (IsWithin(message)) feed_.Add(message);
     };
     handlers.imaging = [this](const torquer_lcm::imaging_command_t& message) { Take(message); };
     ReadSessionLog(path, handlers);
     RunTo(std::max(row_ + 1, frame_.end_us() / kJudgeRowUs));
-    return std::move(judgment_);
+    return {.not_gradable = "", .readings = feed_.readings(), .course = feed_.course()};
   }
 
  private:
@@ -211,37 +212,16 @@ class Repetition {
                 {});
       commands_.Settle();
       row_ = next;
-      Publish(end_us);
+      feed_.AddState(end_us);
     }
   }
 
-  // Adds state and readings to the course, as the simulator publishes them.
-  void Publish(std::int64_t now_us) {
-    simulation_.Describe(state_);
-    state_.clock_id = frame_.clock_id();
-    state_.publish_us = now_us;
-    judgment_.course.Add(state_);
-    torquer_lcm::readings_t& readings = judgment_.readings;
-    readings.names.clear();
-    readings.values.clear();
-    readings.tick = state_.tick;
-    readings.time_s = state_.time_s;
-    for (effects::Reading& reading : simulation_.Readings()) {
-      readings.names.push_back(std::move(reading.name));
-      readings.values.push_back(reading.value);
-    }
-    readings.count = static_cast<std::int32_t>(readings.names.size());
-    judgment_.course.Add(readings);
-  }
-
-  simulator::Simulation& simulation_;
   const SessionFrame& frame_;
   simulator::LiveCommands commands_;
   RowRun run_;
   std::int64_t row_;  // number of the newest row
+  CourseFeed feed_;
   std::int64_t now_us_ = 0;
-  torquer_lcm::wire_state_t state_{};
-  SessionJudgment judgment_;
 };
 
 }  // namespace

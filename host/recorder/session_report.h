@@ -67,6 +67,13 @@ struct InstrumentReport {
   }
 };
 
+/// Run of a script that reaches the scene's target well.
+struct ExpertRun {
+  std::string file;                    ///< script of the run
+  torquer_lcm::readings_t readings{};  ///< at its end
+  SessionCourse course;
+};
+
 /// Report that torquer-report prints.
 struct SessionReport {
   std::string scene;
@@ -104,9 +111,12 @@ struct SessionReport {
   /// True if `readings` and `course` are from a replay at full accuracy, not from the live session.
   bool judged = false;
   bool examination = false;  ///< set by the caller; otherwise practice
+  std::string trainee;       ///< set by the caller; "": not named
+  std::string group;         ///< of the trainee, set by the caller; "": none
   /// Reason why the session has no marks; "" if it has marks, or if the scene has no measures.
   std::string not_gradable;
-  std::optional<MarkSheet> marks;  ///< none: no pass marks are set for the scene
+  std::optional<MarkSheet> marks;   ///< none: no pass marks are set for the scene
+  std::optional<ExpertRun> expert;  ///< for comparison; none: the scene has none
 
   /// True if the scene names this effect, such as "fluoroscopy".
   bool Has(const std::string& effect) const;

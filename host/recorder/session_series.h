@@ -66,6 +66,7 @@ class Spans {
 
   const std::vector<Span>& spans() const { return spans_; }  ///< in order, without overlap
   double total_s() const { return total_s_; }                ///< up to the newest call of Set
+  bool on() const { return on_; }                            ///< since the newest call of Set
 
  private:
   void JoinNearest();

@@ -22,6 +22,18 @@ constexpr char kEnding[] = ".session.json";
 constexpr int kMostEntries = 10'000;  // entries of a folder that are examined
 constexpr double kMostValue = 1e12;
 
+// Phases of a session; all times since the simulator began.
+SessionPhases PhasesOf(const SessionCourse& course, const std::optional<double>& target_s) {
+  const auto between = [](double from_s, double to_s) { return std::max(0.0, to_s - from_s); };
+  SessionPhases phases;
+  const double moved_s = course.first_motion_s().value_or(course.end_s());
+  phases.before_motion_s = between(course.begin_s(), moved_s);
+  if (!course.first_motion_s()) return phases;
+  phases.on_the_way_s = between(moved_s, target_s.value_or(course.end_s()));
+  if (target_s) phases.after_target_s = between(*target_s, course.end_s());
+  return phases;
+}
+
 std::optional<bool> AsTruth(const std::optional<double>& reading) {
   if (!reading) return std::nullopt;
   return *reading != 0;
@@ -50,6 +62,13 @@ class Fields {
     const double number = value.get<double>();
     if (!(number >= 0 && number <= kMostValue)) Refuse(std::string(name) + " is out of range");
     return number;
+  }
+  // Value of a figure that summaries of earlier releases lack.
+  std::optional<double> NewerNumber(const char* name) const {
+    return json_.contains(name) ? Number(name) : std::nullopt;
+  }
+  std::string NewerText(const char* name) const {
+    return json_.contains(name) ? Text(name) : std::string();
   }
   double GivenNumber(const char* name) const {
     const std::optional<double> number = Number(name);
@@ -136,6 +155,17 @@ SessionSummary Summarize(const SessionReport& report) {
     summary.fluoroscopy_s = reading("fluoroscopy_s").value_or(course.xray().total_s());
   }
   summary.contrast_mL = reading("contrast_injected_mL");
+  summary.air_kerma_mGy = reading("air_kerma_mGy");
+  if (summary.air_kerma_mGy && summary.fluoroscopy_s.value_or(0) > 0) {
+    summary.air_kerma_mGy_min = *summary.air_kerma_mGy / (*summary.fluoroscopy_s / 60);
+  }
+  if (report.Has("fluoroscopy")) {
+    summary.blind_mm = course.blind().path_mm;
+    summary.blind_s = course.blind().time_s;
+  }
+  summary.retractions = reading("retractions");
+  summary.retracted_mm = reading("retracted_mm");
+  summary.phases = PhasesOf(course, summary.target_s);
   summary.tip_path_mm = reading("tip_path_mm");
   // The course also follows ticks that did not converge, so it cannot replace an unknown path.
   const std::vector<std::string>& names = report.readings.names;
@@ -151,11 +181,15 @@ SessionSummary Summarize(const SessionReport& report) {
       summary.marks.push_back({mark.name, mark.value, mark.passed});
     }
   }
+  summary.trainee = report.trainee;
+  summary.group = report.group;
   summary.examination = report.examination;
   summary.gradable = report.not_gradable.empty();
   if (!summary.gradable) {
     summary.target_reached = summary.safe = std::nullopt;
     summary.target_s = summary.wall_force_mN = summary.tip_path_mm = std::nullopt;
+    summary.retractions = summary.retracted_mm = summary.blind_mm = summary.blind_s = std::nullopt;
+    summary.phases = {};
   }
   return summary;
 }
@@ -166,8 +200,11 @@ std::string FormatSummary(const SessionSummary& summary) {
     marks.push_back(
         {{"name", mark.name}, {"value", OrNull(mark.value)}, {"passed", OrNull(mark.passed)}});
   }
+  const SessionPhases& phases = summary.phases;
   const nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
                                        {"scene", summary.scene},
+                                       {"trainee", summary.trainee},
+                                       {"group", summary.group},
                                        {"started_us", summary.started_us},
                                        {"examination", summary.examination},
                                        {"gradable", summary.gradable},
@@ -178,6 +215,15 @@ std::string FormatSummary(const SessionSummary& summary) {
                                        {"wall_force_mN", OrNull(summary.wall_force_mN)},
                                        {"fluoroscopy_s", OrNull(summary.fluoroscopy_s)},
                                        {"contrast_mL", OrNull(summary.contrast_mL)},
+                                       {"air_kerma_mGy", OrNull(summary.air_kerma_mGy)},
+                                       {"air_kerma_mGy_min", OrNull(summary.air_kerma_mGy_min)},
+                                       {"blind_mm", OrNull(summary.blind_mm)},
+                                       {"blind_s", OrNull(summary.blind_s)},
+                                       {"retractions", OrNull(summary.retractions)},
+                                       {"retracted_mm", OrNull(summary.retracted_mm)},
+                                       {"before_motion_s", OrNull(phases.before_motion_s)},
+                                       {"on_the_way_s", OrNull(phases.on_the_way_s)},
+                                       {"after_target_s", OrNull(phases.after_target_s)},
                                        {"tip_path_mm", OrNull(summary.tip_path_mm)},
                                        {"reversals", summary.reversals},
                                        {"passed", OrNull(summary.passed)},
@@ -193,6 +239,8 @@ SessionSummary ReadSummary(const std::string& path) {
   if (fields.Count("session_summary") != kSummaryVersion) fields.Refuse("it has another version");
   SessionSummary summary;
   summary.scene = fields.Text("scene");
+  summary.trainee = fields.NewerText("trainee");
+  summary.group = fields.NewerText("group");
   summary.started_us = fields.Count("started_us");
   summary.examination = fields.Truth("examination").value_or(false);
   summary.gradable = fields.Truth("gradable").value_or(false);
@@ -203,6 +251,14 @@ SessionSummary ReadSummary(const std::string& path) {
   summary.wall_force_mN = fields.Number("wall_force_mN");
   summary.fluoroscopy_s = fields.Number("fluoroscopy_s");
   summary.contrast_mL = fields.Number("contrast_mL");
+  summary.air_kerma_mGy = fields.NewerNumber("air_kerma_mGy");
+  summary.air_kerma_mGy_min = fields.NewerNumber("air_kerma_mGy_min");
+  summary.blind_mm = fields.NewerNumber("blind_mm");
+  summary.blind_s = fields.NewerNumber("blind_s");
+  summary.retractions = fields.NewerNumber("retractions");
+  summary.retracted_mm = fields.NewerNumber("retracted_mm");
+  summary.phases = {fields.NewerNumber("before_motion_s"), fields.NewerNumber("on_the_way_s"),
+                    fields.NewerNumber("after_target_s")};
   summary.tip_path_mm = fields.Number("tip_path_mm");
   summary.reversals = fields.Count("reversals");
   summary.passed = fields.Truth("passed");
@@ -223,7 +279,8 @@ EarlierSessions ReadEarlierSessions(const std::string& page, const SessionSummar
   for (const std::string& path : FindSummaries(page)) {
     try {
       const SessionSummary summary = ReadSummary(path);
-      if (summary.scene == now.scene && summary.started_us < now.started_us) {
+      if (summary.scene == now.scene && summary.trainee == now.trainee &&
+          summary.started_us < now.started_us) {
         earlier.sessions.push_back(summary);
       }
     } catch (const UserError& error) {

@@ -20,10 +20,21 @@ struct SummaryMark {
   bool operator==(const SummaryMark&) const = default;
 };
 
+/// Times of a session's phases, s. A phase that did not begin has no value.
+struct SessionPhases {
+  std::optional<double> before_motion_s;  ///< until an instrument first moved
+  std::optional<double> on_the_way_s;     ///< from there to the target, or to the end
+  std::optional<double> after_target_s;   ///< from the target to the end
+
+  bool operator==(const SessionPhases&) const = default;
+};
+
 /// Figures that show learning progress. A figure has no value if the scene does not measure it, or
 /// if it is not known.
 struct SessionSummary {
   std::string scene;
+  std::string trainee;          ///< "": not named
+  std::string group;            ///< of the trainee, such as a course; "": none
   std::int64_t started_us = 0;  ///< wall clock, since 1970
   bool examination = false;     ///< otherwise practice
   /// False: the session could not be repeated, so it has no marks.
@@ -32,12 +43,19 @@ struct SessionSummary {
   std::optional<bool> target_reached;
   std::optional<bool> safe;  ///< target reached, and no force above the limit
   std::optional<double> target_s;
-  std::optional<double> wall_force_mN;  ///< largest wall force of a patch
-  std::optional<double> fluoroscopy_s;  ///< time with the X-ray pedal down
-  std::optional<double> contrast_mL;    ///< injected
-  std::optional<double> tip_path_mm;    ///< from the assessment, otherwise from the course
-  std::int64_t reversals = 0;           ///< of all instruments
-  std::optional<bool> passed;           ///< all pass marks; empty: unknown, or no marks are set
+  std::optional<double> wall_force_mN;      ///< largest wall force of a patch
+  std::optional<double> fluoroscopy_s;      ///< time with the X-ray pedal down
+  std::optional<double> contrast_mL;        ///< injected
+  std::optional<double> air_kerma_mGy;      ///< at the reference point
+  std::optional<double> air_kerma_mGy_min;  ///< its mean rate while the pedal was down
+  std::optional<double> blind_mm;      ///< motion of the hands without X-ray, in a scene with X-ray
+  std::optional<double> blind_s;       ///< time of that motion
+  std::optional<double> retractions;   ///< of the assessed instrument
+  std::optional<double> retracted_mm;  ///< all its motion back
+  SessionPhases phases;
+  std::optional<double> tip_path_mm;  ///< from the assessment, otherwise from the course
+  std::int64_t reversals = 0;         ///< of all instruments
+  std::optional<bool> passed;         ///< all pass marks; empty: unknown, or no marks are set
   std::vector<SummaryMark> marks;
 
   bool operator==(const SessionSummary&) const = default;
@@ -70,7 +88,8 @@ struct EarlierSessions {
 /// Reads the summaries of earlier sessions than `now`, the session of `page`. It reads all
 /// NAME.session.json in the page's folder. In each sibling folder it reads the file named like the
 /// page's own summary. The same user must own that file. Sessions of other scenes, `now` itself and
-/// later sessions are excluded. Never throws UserError: unreadable files are listed in `refused`.
+/// later sessions are excluded, and sessions of other trainees. Never throws UserError: unreadable
+/// files are listed in `refused`.
 EarlierSessions ReadEarlierSessions(const std::string& page, const SessionSummary& now);
 
 }  // namespace torquer

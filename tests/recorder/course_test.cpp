@@ -226,3 +226,31 @@ TEST_CASE("A course accepts any values of a log") {
   course.Add(command);
   CHECK(std::isfinite(course.xray().total_s()));
 }
+
+TEST_CASE("Motion without X-ray is measured for all hands, and a rest is none") {
+  SessionCourse course;
+  auto run = [&course, tick = 0](double from_s, double to_s, double from_mm, double mm_s) mutable {
+    for (double time_s = from_s; time_s < to_s - 1e-9; time_s += 0.01) {
+      const double mm = from_mm + mm_s * (time_s - from_s);
+      course.Add(Tick(tick++, time_s, mm, mm));
+    }
+  };
+  run(0, 1, 5, 0);
+  CHECK_FALSE(course.first_motion_s());
+  run(1, 2, 5, 10);
+  CHECK(course.first_motion_s().value() == Approx(1.06));
+  CHECK(course.blind().path_mm == Approx(9.9));
+  CHECK(course.blind().time_s == Approx(0.99).margin(0.011));
+  course.Add(Pedals(1.995, true));
+  for (double time_s = 2; time_s < 3; time_s += 0.1) {
+    course.Add(Pedals(time_s, true));
+    run(time_s, time_s + 0.1, 15, -20);
+  }
+  CHECK(course.blind().path_mm == Approx(9.9));
+  course.Add(Pedals(3, false));
+  const double before_mm = course.blind().path_mm;
+  run(3, 4, 13.2, 0);  // at rest
+  CHECK(course.blind().path_mm == Approx(before_mm).margin(0.01));
+  run(4, 5, 13.2, -10);
+  CHECK(course.blind().path_mm - before_mm == Approx(9.9).margin(0.2));
+}

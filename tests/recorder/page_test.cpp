@@ -15,6 +15,7 @@
 #include "host/recorder/report_output.h"
 #include "host/recorder/report_page.h"
 #include "host/simulator/scene/scene_spec.h"
+#include "tests/recorder/page_fixture.h"
 #include "tests/recorder/session_fixture.h"
 #include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
@@ -24,50 +25,6 @@ using namespace torquer;
 using namespace torquer::test;
 
 namespace {
-
-constexpr std::int64_t kStartedUs = 1'700'000'000'000'000;  // 2023-11-14 22:13:20 UTC
-
-SessionReport Report(bool course) {
-  const TemporaryFolder folder;
-  SessionFaults faults;
-  faults.course = course;
-  WriteSession(folder.Path("log"), faults);
-  SessionReporter reporter;
-  ReadSessionLog(folder.Path("log"), reporter.Handlers());
-  SessionReport report = reporter.Finish([](const std::string&, int) -> Eigen::Matrix2d {
-    return Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal();
-  });
-  report.started_us = kStartedUs;
-  return report;
-}
-
-PageParts Parts() {
-  PageParts parts;
-  parts.log = "/somewhere/session.lcmlog";
-  parts.limits.target_centerline = "lad";
-  parts.limits.target_at_mm = 95;
-  parts.limits.target_radius_mm = 3;
-  parts.limits.force_limit_mN = 100;
-  parts.limits.patch_mm = 2;
-  parts.limits.threshold_mN = 30;
-  return parts;
-}
-
-// Sets a reading of the last message.
-void SetReading(SessionReport& report, const std::string& name, double value) {
-  const auto found = std::find(report.readings.names.begin(), report.readings.names.end(), name);
-  REQUIRE(found != report.readings.names.end());
-  report.readings.values[static_cast<std::size_t>(found - report.readings.names.begin())] = value;
-}
-
-bool IsXml(const std::string& text) {
-  const TemporaryFolder folder;
-  std::ofstream(folder.Path("page")) << text;
-  const std::string command =
-      "python3 -c 'import sys, xml.dom.minidom; xml.dom.minidom.parse(sys.argv[1])' " +
-      folder.Path("page") + " 2>/dev/null";
-  return std::system(command.c_str()) == 0;
-}
 
 // Matches a table row that begins with these cells.
 auto Row(const std::string& name, const std::string& value) {
@@ -83,7 +40,7 @@ int Count(const std::string& text, const std::string& part) {
 }  // namespace
 
 TEST_CASE("The page shows the assessment with its limits") {
-  const std::string page = FormatPage(Report(true), Parts());
+  const std::string page = FormatPage(PageReport(true), PagePartsOfCourse());
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("Target reached safely") &&
                        Catch::Contains("reached the target after 0:00.7 min") &&
@@ -118,8 +75,8 @@ TEST_CASE("The page shows the assessment with its limits") {
 }
 
 TEST_CASE("The verdict follows the readings") {
-  SessionReport report = Report(true);
-  const PageParts parts = Parts();
+  SessionReport report = PageReport(true);
+  const PageParts parts = PagePartsOfCourse();
   SetReading(report, "wall_force_largest_ever_mN", 130);
   SetReading(report, "safe_success", 0);
   std::string page = FormatPage(report, parts);
@@ -137,23 +94,23 @@ TEST_CASE("The verdict follows the readings") {
 }
 
 TEST_CASE("The figures of a scene with outlets show an instrument that left the model") {
-  SessionReport report = Report(true);
+  SessionReport report = PageReport(true);
   const std::string title = "Left the model at an outlet, and was held there";
-  CHECK_THAT(FormatPage(report, Parts()), !Catch::Contains(title));
+  CHECK_THAT(FormatPage(report, PagePartsOfCourse()), !Catch::Contains(title));
   report.readings.names.emplace_back("left_model_events");
   report.readings.values.push_back(2);
   report.readings.count = static_cast<std::int32_t>(report.readings.names.size());
   report.solver.ticks = 40;
   report.solver.left_model = 10;
-  CHECK_THAT(FormatPage(report, Parts()), Row(title, "2 times, 10 ticks (25.0 %)"));
+  CHECK_THAT(FormatPage(report, PagePartsOfCourse()), Row(title, "2 times, 10 ticks (25.0 %)"));
 }
 
 TEST_CASE("An unknown result is shown as unknown, never as 0") {
   const double unknown = std::numeric_limits<double>::quiet_NaN();
-  SessionReport report = Report(true);
+  SessionReport report = PageReport(true);
   const TemporaryFolder folder;
   SetReading(report, "safe_success", unknown);
-  std::string page = FormatPage(report, Parts());
+  std::string page = FormatPage(report, PagePartsOfCourse());
   CHECK_THAT(page, Catch::Contains("Target reached; safety not known") &&
                        Catch::Contains("class=\"verdict open\"") && !Catch::Contains("not safely"));
   for (const char* name : {"wall_force_largest_ever_mN", "wall_force_events", "wall_force_above_s",
@@ -161,7 +118,7 @@ TEST_CASE("An unknown result is shown as unknown, never as 0") {
                            "target_reached", "target_reached_s"}) {
     SetReading(report, name, unknown);
   }
-  page = FormatPage(report, Parts());
+  page = FormatPage(report, PagePartsOfCourse());
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("<strong>Not known</strong>"));
   CHECK_THAT(page,
@@ -181,7 +138,7 @@ TEST_CASE("An unknown result is shown as unknown, never as 0") {
 }
 
 TEST_CASE("A scene without assessment has a page without a judgment") {
-  const std::string page = FormatPage(Report(false), PageParts());
+  const std::string page = FormatPage(PageReport(false), PageParts());
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("Not assessed") && Catch::Contains("no X-ray in this scene") &&
                        Row("Contrast agent", "none in this scene") &&
@@ -190,8 +147,8 @@ TEST_CASE("A scene without assessment has a page without a judgment") {
 }
 
 TEST_CASE("The page names the causes of doubtful figures") {
-  SessionReport report = Report(true);
-  PageParts parts = Parts();
+  SessionReport report = PageReport(true);
+  PageParts parts = PagePartsOfCourse();
   parts.scene_changed = true;
   report.instruments[0].axial.error_counts = 7;
   report.undecodable = 3;
@@ -209,8 +166,8 @@ TEST_CASE("The page names the causes of doubtful figures") {
 }
 
 TEST_CASE("Every figure in the tables has a unit") {
-  SessionReport report = Report(true);
-  PageParts parts = Parts();
+  SessionReport report = PageReport(true);
+  PageParts parts = PagePartsOfCourse();
   parts.earlier.sessions = {Summarize(report)};
   const std::string page = FormatPage(report, parts);
   // Nouns that are counted are units too.
@@ -232,8 +189,8 @@ TEST_CASE("Every figure in the tables has a unit") {
 }
 
 TEST_CASE("The page has all that it shows, and text of a log is text") {
-  SessionReport report = Report(true);
-  PageParts parts = Parts();
+  SessionReport report = PageReport(true);
+  PageParts parts = PagePartsOfCourse();
   const std::string hostile = "\"><script>alert(1)</script>&'\x1b\x01\xff]]>";
   report.scene = report.method = hostile;
   report.description.vessel = hostile;
@@ -266,18 +223,18 @@ TEST_CASE("The page has all that it shows, and text of a log is text") {
 }
 
 TEST_CASE("A page of several instruments names the instrument of its tip") {
-  SessionReport report = Report(true);
+  SessionReport report = PageReport(true);
   const std::string whose = "are those of guidewire, the innermost instrument";
-  CHECK(FormatPage(report, Parts()).find(whose) == std::string::npos);
+  CHECK(FormatPage(report, PagePartsOfCourse()).find(whose) == std::string::npos);
   torquer_lcm::wire_state_t state = report.last_state;
   state.instruments.push_back(state.instruments[0]);
   report.course.Add(state);
-  CHECK_THAT(FormatPage(report, Parts()), Catch::Contains(whose));
+  CHECK_THAT(FormatPage(report, PagePartsOfCourse()), Catch::Contains(whose));
 }
 
 TEST_CASE("Earlier sessions make a learning curve, and damaged ones are named") {
-  const SessionReport report = Report(true);
-  PageParts parts = Parts();
+  const SessionReport report = PageReport(true);
+  PageParts parts = PagePartsOfCourse();
   SessionSummary first = Summarize(report);
   first.started_us -= 3'600'000'000;
   first.target_reached = false;

@@ -23,6 +23,15 @@ SessionSummary Made(std::int64_t started_us) {
   summary.wall_force_mN = 123.5;
   summary.tip_path_mm = 300;
   summary.reversals = 4;
+  summary.trainee = "Ann \"A\" Smith";
+  summary.group = "2026";
+  summary.air_kerma_mGy = 12.5;
+  summary.air_kerma_mGy_min = 9.25;
+  summary.blind_mm = 31.5;
+  summary.blind_s = 4.5;
+  summary.retractions = 2;
+  summary.retracted_mm = 7.5;
+  summary.phases = {3.5, 37.75, 21.25};
   return summary;
 }
 
@@ -49,6 +58,23 @@ TEST_CASE("A written summary is read unchanged") {
   CHECK(SummaryPath("report.html") == "report.session.json");
 }
 
+TEST_CASE("A summary of an earlier release is read without its later figures") {
+  const TemporaryFolder folder;
+  SessionSummary summary = Made(5);
+  nlohmann::json json = nlohmann::json::parse(FormatSummary(summary));
+  for (const char* name :
+       {"trainee", "group", "air_kerma_mGy", "air_kerma_mGy_min", "blind_mm", "blind_s",
+        "retractions", "retracted_mm", "before_motion_s", "on_the_way_s", "after_target_s"}) {
+    CHECK(json.erase(name) == 1);
+  }
+  WriteFile(folder.Path("a.session.json"), json.dump());
+  summary.trainee = summary.group = "";
+  summary.air_kerma_mGy = summary.air_kerma_mGy_min = summary.blind_mm = summary.blind_s =
+      summary.retractions = summary.retracted_mm = std::nullopt;
+  summary.phases = {};
+  CHECK(ReadSummary(folder.Path("a.session.json")) == summary);
+}
+
 TEST_CASE("A damaged summary is refused with the reason") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("a.session.json");
@@ -73,6 +99,8 @@ TEST_CASE("A damaged summary is refused with the reason") {
   refuses(with("procedure_s", "1"), "procedure_s is not a number");
   refuses(with("wall_force_mN", -2), "wall_force_mN is out of range");
   refuses(with("tip_path_mm", 1e200), "tip_path_mm is out of range");
+  refuses(with("blind_mm", -1), "blind_mm is out of range");
+  refuses(with("trainee", 1), "trainee is not a text");
   refuses(with("safe", 1), "safe is neither true nor false");
   refuses(with("scene", std::string(EarlierSessions::kMostBytes, 'x')), "bytes");
 }
@@ -92,6 +120,9 @@ TEST_CASE("Earlier sessions of the scene are found beside the page and beside it
   SessionSummary foreign = Made(250);
   foreign.scene = "another";
   WriteFile(folder.Path("third/report.session.json"), FormatSummary(foreign));
+  SessionSummary of_another = Made(260);
+  of_another.trainee = "Bob";
+  WriteFile(folder.Path("fourth/report.session.json"), FormatSummary(of_another));
   WriteFile(folder.Path("damaged/report.session.json"), "{");
   std::filesystem::create_symlink("first", folder.Path("latest"));
   std::filesystem::create_directories(folder.Path("now/folder.session.json"));
