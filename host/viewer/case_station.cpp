@@ -324,6 +324,8 @@ void CaseStation::WriteReport(std::int64_t now_us) {
                                     (folder_ / "session.lcmlog").string(), "--page",
                                     (folder_ / "report.html").string()};
   if (examination_) words.emplace_back("--examination");
+  if (!programs_.trainee.empty()) words.push_back("--trainee=" + programs_.trainee);
+  if (!programs_.group.empty()) words.push_back("--group=" + programs_.group);
   try {
     reporter_ = std::make_unique<ChildProgram>(words, (folder_ / "report.log").string());
   } catch (const UserError& error) {

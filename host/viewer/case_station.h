@@ -43,6 +43,8 @@ class CaseStation {
   struct Programs {
     std::filesystem::path folder;  ///< of torquer-simulator, -recorder and -report
     std::string lcm_url;           ///< for them; "" for their default
+    std::string trainee = {};      ///< in every report; "": not named
+    std::string group = {};        ///< of the trainee; "": none
     /// Free bytes on the disk of the sessions; empty: from the file system.
     std::function<std::int64_t()> free_bytes = {};
   };

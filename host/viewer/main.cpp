@@ -29,6 +29,8 @@ struct Arguments {
   std::string cases;
   std::string start;
   std::string sessions;
+  std::string trainee;
+  std::string group;
   std::string token_file;
   std::uint16_t port = 0;
   bool steer = false;
@@ -67,6 +69,12 @@ void Check(const Arguments& arguments) {
   if (arguments.cases.empty() && !arguments.start.empty()) {
     throw torquer::UsageError("--start is for --cases");
   }
+  if (arguments.cases.empty() && !arguments.trainee.empty()) {
+    throw torquer::UsageError("--trainee is for --cases");
+  }
+  if (arguments.trainee.empty() && !arguments.group.empty()) {
+    throw torquer::UsageError("--group " + arguments.group + ": name the trainee by --trainee");
+  }
 }
 
 int Run(const Arguments& arguments) {
@@ -90,7 +98,9 @@ int Run(const Arguments& arguments) {
     setup.start = NumberOf(cases, arguments.start);
     const viewer::CaseStation::Programs programs{
         .folder = std::filesystem::read_symlink("/proc/self/exe").parent_path(),
-        .lcm_url = arguments.url};
+        .lcm_url = arguments.url,
+        .trainee = arguments.trainee,
+        .group = arguments.group};
     station.emplace(std::move(cases), arguments.sessions, programs);
     setup.station = &*station;
   }
@@ -119,6 +129,9 @@ int main(int argc, char** argv) {
   options.Text("--sessions", "FOLDER", arguments.sessions,
                "output folder for the logs, records and reports of --cases",
                torquer::ValueKind::kFolder);
+  options.Text("--trainee", "NAME", arguments.trainee,
+               "name of the trainee, for the reports of --cases");
+  options.Text("--group", "NAME", arguments.group, "group of the trainee, such as a course");
   options.Flag("--steer", arguments.steer,
                "let the page's keys command the instruments, instead of bench devices");
   options.Integer("--port", "PORT", arguments.port, 0, 65535,

@@ -40,7 +40,7 @@ class FakePrograms {
            folder_.Path(name + ".pid") + "\nwhile :; do sleep 0.01; done";
   }
 
-  CaseStation Station() const {
+  CaseStation Station(const std::string& trainee = "", const std::string& group = "") const {
     std::vector<Case> cases(2);
     cases[0].name = "easy";
     cases[0].file = "easy.toml";
@@ -51,7 +51,11 @@ class FakePrograms {
     cases[1].xray = true;
     return {std::move(cases),
             folder_.Path("sessions"),
-            {.folder = folder_.Path(), .lcm_url = "", .free_bytes = [this] { return free_bytes; }}};
+            {.folder = folder_.Path(),
+             .lcm_url = "",
+             .trainee = trainee,
+             .group = group,
+             .free_bytes = [this] { return free_bytes; }}};
   }
 
   std::string Read(const std::string& name) const {
@@ -130,6 +134,18 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   REQUIRE(station.Start(1, kNow));
   CHECK(station.runs() == 2);
   CHECK(Said(station)["folder"] != folder);
+}
+
+TEST_CASE("A report names the trainee and the group") {
+  const FakePrograms fakes;
+  fakes.Write("torquer-report", "echo \"$*\" >" + fakes.Path("words") + "; echo done >$3");
+  CaseStation station = fakes.Station("Ann Smith", "2026");
+  REQUIRE(station.Start(0, kNow));
+  REQUIRE(Reaches(station, Phase::kRunning));
+  REQUIRE(Listens(fakes, "simulator"));
+  REQUIRE(station.End(kNow));
+  REQUIRE(Reaches(station, Phase::kEnded));
+  CHECK_THAT(fakes.Read("words"), Catch::Contains("--trainee=Ann Smith --group=2026"));
 }
 
 TEST_CASE("An examination is noted by the programs that write its record and its report") {
