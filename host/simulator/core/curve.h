@@ -57,7 +57,13 @@ class Curve {
   /// the first normal of each instrument on this curve. The first normal is fixed to the
   /// instrument's material. Otherwise empty.
   const std::vector<PerInstrument>& turns_rad() const { return turns_rad_; }
-  /// The same angle in the segment before joint i, or in the sheath.
+  /// First normal of the surface of an instrument on this curve, in a segment. It is fixed to the
+  /// instrument's material if it twists.
+  Eigen::Vector3d SurfaceNormal(int segment, int instrument) const {
+    if (turns_rad_.empty()) return normals_[segment];
+    return TurnedAbout(tangents_[segment], normals_[segment], turns_rad_[segment][instrument]);
+  }
+  /// The angle of turns_rad() in the segment before joint i, or in the sheath.
   double TurnBefore(int joint, int instrument) const {
     return joint == 0 ? poses_[instrument].rotation_rad : turns_rad_[joint - 1][instrument];
   }

@@ -27,8 +27,8 @@ struct AxisPlace {
   AxisPlace(const LumenPlace& of, const CurveGeometry& inner_curve,
             const CurveGeometry& outer_curve)
       : place(of),
-        i(static_cast<std::size_t>(of.segment)),
-        m(static_cast<std::size_t>(of.outer_segment)),
+        i(of.segment),
+        m(of.outer_segment),
         inner(inner_curve),
         outer(outer_curve),
         inward(inner.curve.tangents()[i]),
@@ -52,8 +52,8 @@ struct AxisPlace {
   }
 
   const LumenPlace& place;
-  std::size_t i;  // segment of the inner curve
-  std::size_t m;  // segment of the outer curve
+  int i;  // segment of the inner curve
+  int m;  // segment of the outer curve
   const CurveGeometry& inner;
   const CurveGeometry& outer;
   const Vector3d& inward;  // tangent of the inner curve
@@ -101,16 +101,10 @@ StepMatrix Curvature(const AxisPlace& at, const Eigen::Vector2d& gradient, const
   return half + half.transpose();
 }
 
-// First normal of the surface of an instrument, which is fixed to its material if it twists.
-Vector3d NormalOf(const Curve& curve, std::size_t segment, int instrument) {
-  const double turn_rad = curve.turns_rad().empty() ? 0 : curve.turns_rad()[segment][instrument];
-  return TurnedAbout(curve.tangents()[segment], curve.normals()[segment], turn_rad);
-}
-
 // Tangent, first and second normal of a surface.
-Matrix3d AxesOf(const Curve& curve, std::size_t segment, int instrument) {
+Matrix3d AxesOf(const Curve& curve, int segment, int instrument) {
   const Vector3d& tangent = curve.tangents()[segment];
-  const Vector3d normal = NormalOf(curve, segment, instrument);
+  const Vector3d normal = curve.SurfaceNormal(segment, instrument);
   Matrix3d axes;
   axes << tangent, normal, tangent.cross(normal);
   return axes;

@@ -163,11 +163,10 @@ LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, dou
 
 Eigen::Vector2d PairBuilder::LumenBulge(const LumenPlace& place) const {
   const int i = place.segment;
-  const auto m = static_cast<std::size_t>(place.outer_segment);
+  const int m = place.outer_segment;
   const Vector3d& normal = inner.normals()[i];
   const Vector3d& along = outer.tangents()[m];
-  const double turn_rad = outer.turns_rad().empty() ? 0 : outer.turns_rad()[m][place.outer];
-  const Vector3d first = TurnedAbout(along, outer.normals()[m], turn_rad);
+  const Vector3d first = outer.SurfaceNormal(m, place.outer);
   const Vector3d bulge_mm = place.bulge_mm[0] * normal +
                             place.bulge_mm[1] * inner.tangents()[i].cross(normal) -
                             place.foot_bulge_mm[0] * outer.normals()[m] -
