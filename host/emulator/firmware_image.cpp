@@ -74,7 +74,7 @@ FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
       throw UserError(path_ + ": the file is cut short. Build it again.");
     }
   }
-  if (flash_.empty()) throw UserError(path_ + ": nothing in it goes into the flash.");
+  if (flash_.empty()) throw UserError(path_ + ": the image has no bytes for the flash.");
 
   if (lowest >= kFirstBootSection) boot_start_ = static_cast<std::uint32_t>(lowest);
 
@@ -144,7 +144,7 @@ void FirmwareImage::Add(const FirmwareImage& other) {
              std::to_string(image.crystal_hz() / 1000000) + " MHz";
     };
     throw UserError(other.path_ + ": built for " + clocks(other) + ", but " + path_ + " for " +
-                    clocks(*this) + ". Take two of the same.");
+                    clocks(*this) + ". Give an application and a bootloader for the same clocks.");
   }
   flash_.resize(std::max(flash_.size(), other.flash_.size()), 0xff);
   for (std::size_t i = 0; i < other.flash_.size(); ++i) {

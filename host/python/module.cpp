@@ -195,7 +195,8 @@ void AddSimulation(py::module_& module) {
       .def(py::init<const Scene&>(), py::arg("scene"), NoGil(),
            "Makes a simulation at the start of the scene.")
       .def(py::init([](const py::object& path) { return Simulation(SceneFrom(path)); }),
-           py::arg("scene"), "Makes a simulation of a scene file, or of Torquer's scene of a name.")
+           py::arg("scene"),
+           "Makes a simulation of a scene file, or of a scene that Torquer ships, by its name.")
       .def("__repr__",
            [](const py::object& self) {
              return Represent(self, "Simulation", {"scene", "time_s"});
