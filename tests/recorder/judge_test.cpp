@@ -1,11 +1,15 @@
 // Judge of a session: the marks follow from the commands, not from the load of the machine.
+#include <sys/wait.h>
+
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -15,6 +19,7 @@
 #include "host/simulator/scene_message.h"
 #include "host/simulator/simulation.h"
 #include "protocol/lcm_channels.h"
+#include "tests/support/paths.h"
 #include "tests/support/scenes.h"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
@@ -66,8 +71,8 @@ class JudgedLog {
   lcm::LogFile log_;
 };
 
-// Command number `i`, published kCommandEveryUs after the one before. The motion is 20 mm in with
-// half a turn, then a rest. X-ray is on from command 20 to 59.
+// Command number `i`, published kCommandEveryUs after the one before: 20 mm in with half a turn,
+// then a rest; X-ray from command 20 to 59.
 torquer_lcm::instrument_command_t HandAt(int i) {
   torquer_lcm::instrument_command_t command{};
   command.instrument = "guidewire";
@@ -259,6 +264,29 @@ TEST_CASE("A scene without observers is not judged") {
   const SessionJudgment judgment = JudgeFile(file);
   CHECK(judgment.not_gradable.empty());
   CHECK_FALSE(judgment.repeated());
+}
+
+TEST_CASE("The program compares a session with the expert run beside its scene") {
+  const SceneFile file(kJudgedTask);
+  RecordJudged(file, {}, "");
+  const auto json = [&file] {
+    const std::string out = file.Beside("out");
+    const std::string command = torquer::test::ProgramPath("torquer-report") + " " +
+                                file.Beside("log") + " --json --trainee Ann --scene " +
+                                file.path() + " >" + out;
+    CHECK(WIFEXITED(std::system(command.c_str())));
+    return nlohmann::json::parse(std::ifstream(out));
+  };
+  CHECK(json()["expert"].is_null());
+  std::filesystem::create_directory(file.Beside("experts"));
+  std::ofstream(file.Beside("experts/small.csv"))
+      << "time_s,guidewire.insertion_mm,xray\n0,0,1\n2,20,1\n3,15,1\n";
+  const auto report = json();
+  CHECK(report["trainee"] == "Ann");
+  CHECK(report["expert"]["script"] == file.Beside("experts/small.csv"));
+  CHECK(report["expert"]["readings"]["procedure_s"].get<double>() == Approx(3));
+  CHECK(report["expert"]["readings"]["retracted_mm"].get<double>() == Approx(5));
+  CHECK(report["readings"]["retracted_mm"].get<double>() == 0);
 }
 
 TEST_CASE("A report has the marks of the replay, or none with the reason") {
