@@ -71,8 +71,8 @@ class JudgedLog {
   lcm::LogFile log_;
 };
 
-// Command number `i`, published kCommandEveryUs after the one before: 20 mm in with half a turn,
-// then a rest; X-ray from command 20 to 59.
+// Command number `i`, published kCommandEveryUs after the one before. The motion is 20 mm in with
+// half a turn, then a rest. X-ray is on from command 20 to 59.
 torquer_lcm::instrument_command_t HandAt(int i) {
   torquer_lcm::instrument_command_t command{};
   command.instrument = "guidewire";
