@@ -47,10 +47,10 @@ struct Beam {
   NewtonRelaxation relaxation;
   WireState state;
 
-  explicit Beam(const EndLoad& end, double segment_mm = 0.5, int points = 2)
+  explicit Beam(const EndLoad& end, double segment_mm = 0.5, int points = 2, double ramp_s = 0)
       : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kBeam_N_mm2})),
         wall{.points_per_segment = points},
-        load(end),
+        load(end, ramp_s),
         relaxation(model, field, wall, {.tolerance = 1e-9}, terms),
         state(LayStraight(model, kBeam_mm)) {
     relaxation.Restart(state);
@@ -195,6 +195,34 @@ TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") 
   CHECK(beam.state.tangents().back()[1] == Approx(0).margin(1e-4));
   const double middle = beam.state.nodes()[static_cast<std::size_t>(beam.state.segments() / 2)][1];
   CHECK(middle == Approx(0.25).epsilon(0.05));
+}
+
+TEST_CASE("Loads with a ramp grow in proportion to time, and begin again with the session") {
+  // Cantilever with the stiffness 3 EI/L^3, a spring and a force, both at the same part of their
+  // values.
+  const double own = 3 * kBeam_N_mm2 / std::pow(kBeam_mm, 3);
+  const double ratio = 3;
+  EndLoad end;
+  end.hold_N_mm = ratio * own;
+  end.place_mm = Vector3d(kBeam_mm, 0.1, 0);
+  end.force_N = Vector3d(0, 0.2 * own, 0);
+  Beam beam(end, 0.5, 2, 2.0);
+  REQUIRE(beam.load.timed() != nullptr);
+  const auto expected_mm = [&](double part) {
+    return part * (0.1 * ratio + 0.2) / (1 + part * ratio);
+  };
+  double time_s = 0;
+  for (const double at_s : {0.0, 0.5, 1.0, 2.0, 3.0}) {
+    const double part = std::min(at_s / 2, 1.0);
+    CAPTURE(at_s);
+    beam.load.AdvanceTime(at_s - time_s);
+    time_s = at_s;
+    REQUIRE(beam.Relax().converged);
+    CHECK(beam.state.nodes().back()[1] == Approx(expected_mm(part)).epsilon(3e-3).margin(1e-9));
+  }
+  beam.load.Restart();
+  REQUIRE(beam.Relax().converged);
+  CHECK(beam.state.nodes().back()[1] == Approx(0).margin(1e-6));
 }
 
 }  // namespace

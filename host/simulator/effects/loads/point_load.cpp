@@ -1,5 +1,6 @@
 #include "host/simulator/effects/loads/point_load.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -30,10 +31,18 @@ double AngleAbout(const Vector3d& axis, const Vector3d& direction) {
 void PointLoad::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const PointLoad&>(twin);
   load_ = from.load_;
+  elapsed_s_ = from.elapsed_s_;
+  fraction_ = from.fraction_;
   angle_rad_ = from.angle_rad_;
 }
 
+void PointLoad::Reset() {
+  if (ramp_s_ > 0) fraction_ = 0;
+  angle_rad_ = 0;
+}
+
 void PointLoad::Begin(const PointSet& points) {
+  if (ramp_s_ > 0) fraction_ = std::min(1.0, elapsed_s_ / ramp_s_);
   if (load_.moment_mJ == 0 || points.size() == 0 || !points.among.is_farthest) return;
   const double angle = AngleAbout(load_.axis, points.Tangent(points.size() - 1));
   angle_rad_ += std::remainder(angle - angle_rad_, 2 * std::numbers::pi);
@@ -50,35 +59,39 @@ double PointLoad::Turn(const Vector3d& tangent, TangentLoad& out) const {
   const vessel::Step fade = vessel::SmoothStep(rho / kFade);
   const double slope = fade.slope / kFade;
   const double curvature = fade.curvature / (kFade * kFade);
-  out.gradient -= load_.moment_mJ * (slope * angle * outward + (fade.value / rho) * around);
+  const double moment_mJ = fraction_ * load_.moment_mJ;
+  out.gradient -= moment_mJ * (slope * angle * outward + (fade.value / rho) * around);
   const Matrix3d mixed = outward * around.transpose() + around * outward.transpose();
-  out.hessian -= load_.moment_mJ * (curvature * angle * outward * outward.transpose() +
-                                    (slope * angle / rho) * around * around.transpose() +
-                                    (slope / rho - fade.value / (rho * rho)) * mixed);
-  return -load_.moment_mJ * fade.value * angle;
+  out.hessian -= moment_mJ * (curvature * angle * outward * outward.transpose() +
+                              (slope * angle / rho) * around * around.transpose() +
+                              (slope / rho - fade.value / (rho * rho)) * mixed);
+  return -moment_mJ * fade.value * angle;
 }
 
 double PointLoad::Add(const PointSet& points, PointDerivatives& out) const {
   const int q = points.size() - 1;
-  if (q < 0 || !points.among.is_farthest) return 0;
+  if (q < 0 || !points.among.is_farthest || fraction_ == 0) return 0;
   const auto p = static_cast<std::size_t>(q);
   double energy = 0;
   if (!load_.force_N.isZero(0) || load_.hold_N_mm != 0) {
     const Vector3d& end = points.position[p];
     const Vector3d away = end - load_.place_mm;
-    if (load_.hold_N_mm == 0) {
+    const double hold_N_mm = fraction_ * load_.hold_N_mm;
+    const Vector3d force_N = fraction_ * load_.force_N;
+    if (hold_N_mm == 0) {
       out.TouchGradient(q);
     } else {
       out.Touch(q);
-      if (out.with_hessian) out.hessian[p] += load_.hold_N_mm * Matrix3d::Identity();
+      if (out.with_hessian) out.hessian[p] += hold_N_mm * Matrix3d::Identity();
     }
-    out.gradient[p] += load_.hold_N_mm * away - load_.force_N;
-    energy += load_.hold_N_mm * away.squaredNorm() / 2 - load_.force_N.dot(end);
+    out.gradient[p] += hold_N_mm * away - force_N;
+    energy += hold_N_mm * away.squaredNorm() / 2 - force_N.dot(end);
   }
   if (load_.moment_mJ != 0 || load_.align_mJ != 0) {
     const Vector3d tangent = points.Tangent(q);
-    TangentLoad on{q / points.per_segment, -load_.align_mJ * load_.direction, Matrix3d::Zero()};
-    energy += load_.align_mJ * (tangent - load_.direction).squaredNorm() / 2;
+    const double align_mJ = fraction_ * load_.align_mJ;
+    TangentLoad on{q / points.per_segment, -align_mJ * load_.direction, Matrix3d::Zero()};
+    energy += align_mJ * (tangent - load_.direction).squaredNorm() / 2;
     if (load_.moment_mJ != 0) energy += Turn(tangent, on);
     out.on_tangents.push_back(on);
   }
@@ -86,6 +99,7 @@ double PointLoad::Add(const PointSet& points, PointDerivatives& out) const {
 }
 
 std::uint64_t PointLoad::Hash(std::uint64_t seed) const {
+  if (ramp_s_ > 0) seed = HashDouble(fraction_, HashDouble(elapsed_s_, seed));
   return angle_rad_ == 0 ? seed : HashDouble(angle_rad_, seed);
 }
 
@@ -100,6 +114,7 @@ struct PointLoadSpec : TableSpec {
   std::optional<Vector3d> clamp_point_mm;
   double clamp_mN_mm = 0;
   std::optional<DirectionSpec> clamp_direction;
+  double ramp_s = 0;
 };
 
 // The magnitude of a load requires its direction or place, and vice versa.
@@ -145,6 +160,9 @@ const Keys<PointLoadSpec>& PointLoadKeys() {
           .Otherwise("none: no clamping moment")
           .Direction("clamp_direction", &PointLoadSpec::clamp_direction,
                      "direction in which the clamp holds the last segment")
+          .Number("ramp_s", &PointLoadSpec::ramp_s, 0, 1e4, "s",
+                  "time from the start over which forces, moments and stiffnesses grow from 0 to "
+                  "their values; 0: they act at once")
           .Checked(Check)
           .Example(
               "force_mN = 2\n"
@@ -163,7 +181,7 @@ std::unique_ptr<Effect> MakePointLoad(const PointLoadSpec& spec, const EffectCon
   if (spec.clamp_point_mm) load.place_mm = *spec.clamp_point_mm;
   load.align_mJ = 1e-3 * spec.clamp_mN_mm;
   if (spec.clamp_direction) load.direction = context.Direction(*spec.clamp_direction);
-  return std::make_unique<PointLoad>(load);
+  return std::make_unique<PointLoad>(load, spec.ramp_s);
 }
 
 }  // namespace
@@ -171,7 +189,7 @@ std::unique_ptr<Effect> MakePointLoad(const PointLoadSpec& spec, const EffectCon
 EffectKind PointLoadKind() {
   return {.name = "point_load",
           .summary = "force, moment or clamp at the distal end",
-          .roles = "energy term",
+          .roles = "energy term, timed",
           .keys = Any(PointLoadKeys()),
           .make = MakeWith(MakePointLoad)};
 }
