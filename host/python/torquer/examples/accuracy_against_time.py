@@ -31,7 +31,7 @@ def main(picture="accuracy_against_time.png"):
     """Prints and draws the table."""
     reference, taken_ms = push(0.1)
     print(f"reference, segments of 0.10 mm: {taken_ms:6.2f} ms for each mm")
-    segments_mm = (2.5, 1.5, 1, 0.6, 0.4, 0.25)
+    segments_mm = (2, 1.5, 1, 0.6, 0.4, 0.25)
     times_ms, errors_um = [], []
     for segment_mm in segments_mm:
         shape, taken_ms = push(segment_mm)
