@@ -143,16 +143,17 @@ bool FrontSweep::Advance(const FrontOperation& operation, Front<kRows>& front) {
 template <int kRows>
 void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quadratic,
                      Front<kRows>& front) {
-  using Kind = FrontOperation::Kind;
-  if (operation.kind == Kind::kOpen) return open_.Open(operation.block, operation.open);
-  if (operation.kind == Kind::kClose) {
+  if (operation.kind == FrontOperation::Kind::kOpen) {
+    return open_.Open(operation.block, operation.open);
+  }
+  if (operation.kind == FrontOperation::Kind::kClose) {
     return open_.Close(operation.block, operation.open, RowsOf(operation.curve, operation.surface),
                        front);
   }
   const BetweenCurves& between = quadratic.between[operation.pair];
   const int group = operation.index;
   const BetweenCurves::Terms& terms = between.terms[group];
-  if (operation.kind == Kind::kTouch) {
+  if (operation.kind == FrontOperation::Kind::kTouch) {
     const typename Front<kRows>::Slots slots{between.inner, between.outer, slot_at_[between.inner],
                                              slot_at_[between.outer]};
     if (terms.any) front.Touch(terms, slots);
@@ -168,7 +169,7 @@ void FrontSweep::Add(const FrontOperation& operation, const QuadraticModel& quad
   const CrossingTerms crossing{terms, spins};
   const int surface = spins == nullptr ? -1 : spins->surface[operation.side];
   const SideRows own = RowsOf(operation.curve, surface);
-  if (operation.kind == Kind::kWait) {
+  if (operation.kind == FrontOperation::Kind::kWait) {
     open_.Wait(crossing, operation.side, operation.block, operation.surface >= 0, own, front);
   } else {
     AddEnd(crossing, operation.side, own, front);
