@@ -23,8 +23,9 @@ std::string TimeOfPeak(const Series& series) {
 
 // Doubt about an instrument that is not good.
 std::string DoubtOf(const InstrumentReport& instrument) {
-  if (instrument.reports_lost < 0)
+  if (instrument.reports_lost < 0) {
     return " may have lost reports of its device: their number is not known.";
+  }
   if (instrument.reports_lost > 0) {
     return fmt::format(" lost {} reports of its device.", instrument.reports_lost);
   }
@@ -236,10 +237,10 @@ std::vector<PageRow> PageFigures::Phases() const {
   const auto add = [&rows](const char* name, const std::optional<double>& time_s) {
     if (time_s) rows.push_back({name, SecondsText(*time_s)});
   };
-  add("Before the first motion", now_.phases.before_motion_s);
+  add("Before the first motion", now_.before_motion_s);
   add(now_.target_s ? "From there to the target" : "From there to the end",
-      now_.phases.on_the_way_s);
-  add("After the target", now_.phases.after_target_s);
+      now_.on_the_way_s);
+  add("After the target", now_.after_target_s);
   if (now_.blind_mm && now_.blind_s) {
     rows.push_back({"Moving without X-ray",
                     SecondsText(*now_.blind_s) + ", " + ValueText(*now_.blind_mm) + " mm"});

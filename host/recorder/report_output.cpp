@@ -155,9 +155,9 @@ std::string FormatPhases(const SessionSummary& summary) {
     text += fmt::format("  {:<13}{} {}\n", text.empty() ? "phases" : "", name,
                         ReadingText(name, *value));
   };
-  add("before_motion_s", summary.phases.before_motion_s);
-  add("on_the_way_s", summary.phases.on_the_way_s);
-  add("after_target_s", summary.phases.after_target_s);
+  add("before_motion_s", summary.before_motion_s);
+  add("on_the_way_s", summary.on_the_way_s);
+  add("after_target_s", summary.after_target_s);
   add("blind_s", summary.blind_s);
   add("blind_mm", summary.blind_mm);
   add("air_kerma_mGy_min", summary.air_kerma_mGy_min);
@@ -165,9 +165,9 @@ std::string FormatPhases(const SessionSummary& summary) {
 }
 
 nlohmann::ordered_json PhasesJson(const SessionSummary& summary) {
-  return {{"before_motion_s", OrNull(summary.phases.before_motion_s)},
-          {"on_the_way_s", OrNull(summary.phases.on_the_way_s)},
-          {"after_target_s", OrNull(summary.phases.after_target_s)}};
+  return {{"before_motion_s", OrNull(summary.before_motion_s)},
+          {"on_the_way_s", OrNull(summary.on_the_way_s)},
+          {"after_target_s", OrNull(summary.after_target_s)}};
 }
 
 // Adds all figures of a single wire, but only the decisive ones for each of several instruments.

@@ -22,16 +22,37 @@ constexpr char kEnding[] = ".session.json";
 constexpr int kMostEntries = 10'000;  // entries of a folder that are examined
 constexpr double kMostValue = 1e12;
 
-// Phases of a session; all times since the simulator began.
-SessionPhases PhasesOf(const SessionCourse& course, const std::optional<double>& target_s) {
+// A figure of a summary and its name in the file.
+struct SummaryFigure {
+  const char* name;
+  std::optional<double> SessionSummary::*value;
+  bool newer = false;  // summaries of earlier releases lack it
+};
+
+constexpr SummaryFigure kSummaryFigures[] = {
+    {"target_s", &SessionSummary::target_s},
+    {"wall_force_mN", &SessionSummary::wall_force_mN},
+    {"fluoroscopy_s", &SessionSummary::fluoroscopy_s},
+    {"contrast_mL", &SessionSummary::contrast_mL},
+    {"air_kerma_mGy", &SessionSummary::air_kerma_mGy, true},
+    {"air_kerma_mGy_min", &SessionSummary::air_kerma_mGy_min, true},
+    {"blind_mm", &SessionSummary::blind_mm, true},
+    {"blind_s", &SessionSummary::blind_s, true},
+    {"retractions", &SessionSummary::retractions, true},
+    {"retracted_mm", &SessionSummary::retracted_mm, true},
+    {"before_motion_s", &SessionSummary::before_motion_s, true},
+    {"on_the_way_s", &SessionSummary::on_the_way_s, true},
+    {"after_target_s", &SessionSummary::after_target_s, true},
+    {"tip_path_mm", &SessionSummary::tip_path_mm}};
+
+// Sets the times of the phases. All times count from the simulator's start.
+void FindPhases(const SessionCourse& course, SessionSummary& summary) {
   const auto between = [](double from_s, double to_s) { return std::max(0.0, to_s - from_s); };
-  SessionPhases phases;
   const double moved_s = course.first_motion_s().value_or(course.end_s());
-  phases.before_motion_s = between(course.begin_s(), moved_s);
-  if (!course.first_motion_s()) return phases;
-  phases.on_the_way_s = between(moved_s, target_s.value_or(course.end_s()));
-  if (target_s) phases.after_target_s = between(*target_s, course.end_s());
-  return phases;
+  summary.before_motion_s = between(course.begin_s(), moved_s);
+  if (!course.first_motion_s()) return;
+  summary.on_the_way_s = between(moved_s, summary.target_s.value_or(course.end_s()));
+  if (summary.target_s) summary.after_target_s = between(*summary.target_s, course.end_s());
 }
 
 std::optional<bool> AsTruth(const std::optional<double>& reading) {
@@ -63,9 +84,9 @@ class Fields {
     if (!(number >= 0 && number <= kMostValue)) Refuse(std::string(name) + " is out of range");
     return number;
   }
-  // Value of a figure that summaries of earlier releases lack.
-  std::optional<double> NewerNumber(const char* name) const {
-    return json_.contains(name) ? Number(name) : std::nullopt;
+  std::optional<double> Value(const SummaryFigure& figure) const {
+    if (figure.newer && !json_.contains(figure.name)) return std::nullopt;
+    return Number(figure.name);
   }
   std::string NewerText(const char* name) const {
     return json_.contains(name) ? Text(name) : std::string();
@@ -165,7 +186,7 @@ SessionSummary Summarize(const SessionReport& report) {
   }
   summary.retractions = reading("retractions");
   summary.retracted_mm = reading("retracted_mm");
-  summary.phases = PhasesOf(course, summary.target_s);
+  FindPhases(course, summary);
   summary.tip_path_mm = reading("tip_path_mm");
   // The course also follows ticks that did not converge, so it cannot replace an unknown path.
   const std::vector<std::string>& names = report.readings.names;
@@ -189,7 +210,7 @@ SessionSummary Summarize(const SessionReport& report) {
     summary.target_reached = summary.safe = std::nullopt;
     summary.target_s = summary.wall_force_mN = summary.tip_path_mm = std::nullopt;
     summary.retractions = summary.retracted_mm = summary.blind_mm = summary.blind_s = std::nullopt;
-    summary.phases = {};
+    summary.before_motion_s = summary.on_the_way_s = summary.after_target_s = std::nullopt;
   }
   return summary;
 }
@@ -200,34 +221,20 @@ std::string FormatSummary(const SessionSummary& summary) {
     marks.push_back(
         {{"name", mark.name}, {"value", OrNull(mark.value)}, {"passed", OrNull(mark.passed)}});
   }
-  const SessionPhases& phases = summary.phases;
-  const nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
-                                       {"scene", summary.scene},
-                                       {"trainee", summary.trainee},
-                                       {"group", summary.group},
-                                       {"started_us", summary.started_us},
-                                       {"examination", summary.examination},
-                                       {"gradable", summary.gradable},
-                                       {"procedure_s", summary.procedure_s},
-                                       {"target_reached", OrNull(summary.target_reached)},
-                                       {"safe", OrNull(summary.safe)},
-                                       {"target_s", OrNull(summary.target_s)},
-                                       {"wall_force_mN", OrNull(summary.wall_force_mN)},
-                                       {"fluoroscopy_s", OrNull(summary.fluoroscopy_s)},
-                                       {"contrast_mL", OrNull(summary.contrast_mL)},
-                                       {"air_kerma_mGy", OrNull(summary.air_kerma_mGy)},
-                                       {"air_kerma_mGy_min", OrNull(summary.air_kerma_mGy_min)},
-                                       {"blind_mm", OrNull(summary.blind_mm)},
-                                       {"blind_s", OrNull(summary.blind_s)},
-                                       {"retractions", OrNull(summary.retractions)},
-                                       {"retracted_mm", OrNull(summary.retracted_mm)},
-                                       {"before_motion_s", OrNull(phases.before_motion_s)},
-                                       {"on_the_way_s", OrNull(phases.on_the_way_s)},
-                                       {"after_target_s", OrNull(phases.after_target_s)},
-                                       {"tip_path_mm", OrNull(summary.tip_path_mm)},
-                                       {"reversals", summary.reversals},
-                                       {"passed", OrNull(summary.passed)},
-                                       {"marks", std::move(marks)}};
+  nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
+                                 {"scene", summary.scene},
+                                 {"trainee", summary.trainee},
+                                 {"group", summary.group},
+                                 {"started_us", summary.started_us},
+                                 {"examination", summary.examination},
+                                 {"gradable", summary.gradable},
+                                 {"procedure_s", summary.procedure_s},
+                                 {"target_reached", OrNull(summary.target_reached)},
+                                 {"safe", OrNull(summary.safe)},
+                                 {"reversals", summary.reversals},
+                                 {"passed", OrNull(summary.passed)},
+                                 {"marks", std::move(marks)}};
+  for (const SummaryFigure& figure : kSummaryFigures) json[figure.name] = OrNull(summary.*figure.value);
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
@@ -247,19 +254,7 @@ SessionSummary ReadSummary(const std::string& path) {
   summary.procedure_s = fields.GivenNumber("procedure_s");
   summary.target_reached = fields.Truth("target_reached");
   summary.safe = fields.Truth("safe");
-  summary.target_s = fields.Number("target_s");
-  summary.wall_force_mN = fields.Number("wall_force_mN");
-  summary.fluoroscopy_s = fields.Number("fluoroscopy_s");
-  summary.contrast_mL = fields.Number("contrast_mL");
-  summary.air_kerma_mGy = fields.NewerNumber("air_kerma_mGy");
-  summary.air_kerma_mGy_min = fields.NewerNumber("air_kerma_mGy_min");
-  summary.blind_mm = fields.NewerNumber("blind_mm");
-  summary.blind_s = fields.NewerNumber("blind_s");
-  summary.retractions = fields.NewerNumber("retractions");
-  summary.retracted_mm = fields.NewerNumber("retracted_mm");
-  summary.phases = {fields.NewerNumber("before_motion_s"), fields.NewerNumber("on_the_way_s"),
-                    fields.NewerNumber("after_target_s")};
-  summary.tip_path_mm = fields.Number("tip_path_mm");
+  for (const SummaryFigure& figure : kSummaryFigures) summary.*figure.value = fields.Value(figure);
   summary.reversals = fields.Count("reversals");
   summary.passed = fields.Truth("passed");
   for (const nlohmann::json& mark : fields.List("marks")) {

@@ -20,15 +20,6 @@ struct SummaryMark {
   bool operator==(const SummaryMark&) const = default;
 };
 
-/// Times of a session's phases, s. A phase that did not begin has no value.
-struct SessionPhases {
-  std::optional<double> before_motion_s;  ///< until an instrument first moved
-  std::optional<double> on_the_way_s;     ///< from there to the target, or to the end
-  std::optional<double> after_target_s;   ///< from the target to the end
-
-  bool operator==(const SessionPhases&) const = default;
-};
-
 /// Figures that show learning progress. A figure has no value if the scene does not measure it, or
 /// if it is not known.
 struct SessionSummary {
@@ -52,7 +43,9 @@ struct SessionSummary {
   std::optional<double> blind_s;       ///< time of that motion
   std::optional<double> retractions;   ///< of the assessed instrument
   std::optional<double> retracted_mm;  ///< all its motion back
-  SessionPhases phases;
+  std::optional<double> before_motion_s;  ///< from the beginning until an instrument first moved
+  std::optional<double> on_the_way_s;     ///< from there to the target, or to the end
+  std::optional<double> after_target_s;   ///< from the target to the end
   std::optional<double> tip_path_mm;  ///< from the assessment, otherwise from the course
   std::int64_t reversals = 0;         ///< of all instruments
   std::optional<bool> passed;         ///< all pass marks; empty: unknown, or no marks are set

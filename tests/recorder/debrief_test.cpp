@@ -42,10 +42,10 @@ TEST_CASE("Page, report and JSON have phases, motion without X-ray, dose rate an
   report.group = "2026";
   const SessionSummary summary = Summarize(report);
   // It moves from the first report on, with the pedal up until report 200.
-  CHECK(summary.phases.before_motion_s.value() < 0.2);
-  CHECK(summary.phases.on_the_way_s.value() + summary.phases.before_motion_s.value() ==
+  CHECK(summary.before_motion_s.value() < 0.2);
+  CHECK(summary.on_the_way_s.value() + summary.before_motion_s.value() ==
         Approx(0.7));
-  CHECK(summary.phases.after_target_s.value() > 0);
+  CHECK(summary.after_target_s.value() > 0);
   CHECK(summary.blind_mm.value() > 1);
   CHECK(summary.retractions == 2);
   CHECK(summary.air_kerma_mGy_min.value() == Approx(12 / *summary.fluoroscopy_s * 60));
@@ -58,9 +58,9 @@ TEST_CASE("Page, report and JSON have phases, motion without X-ray, dose rate an
                                        Catch::Contains(" mGy/min\n"));
   const auto json = nlohmann::json::parse(FormatReportJson(report, "", ""));
   CHECK(json["trainee"] == "Ann <A>");
-  CHECK(json["phases"]["on_the_way_s"] == summary.phases.on_the_way_s.value());
+  CHECK(json["phases"]["on_the_way_s"] == summary.on_the_way_s.value());
   CHECK(json["blind_mm"] == summary.blind_mm.value());
   report.not_gradable = "a reason";
   CHECK_FALSE(Summarize(report).blind_mm.has_value());
-  CHECK_FALSE(Summarize(report).phases.on_the_way_s.has_value());
+  CHECK_FALSE(Summarize(report).on_the_way_s.has_value());
 }

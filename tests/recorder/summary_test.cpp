@@ -31,7 +31,9 @@ SessionSummary Made(std::int64_t started_us) {
   summary.blind_s = 4.5;
   summary.retractions = 2;
   summary.retracted_mm = 7.5;
-  summary.phases = {3.5, 37.75, 21.25};
+  summary.before_motion_s = 3.5;
+  summary.on_the_way_s = 37.75;
+  summary.after_target_s = 21.25;
   return summary;
 }
 
@@ -71,7 +73,7 @@ TEST_CASE("A summary of an earlier release is read without its later figures") {
   summary.trainee = summary.group = "";
   summary.air_kerma_mGy = summary.air_kerma_mGy_min = summary.blind_mm = summary.blind_s =
       summary.retractions = summary.retracted_mm = std::nullopt;
-  summary.phases = {};
+  summary.before_motion_s = summary.on_the_way_s = summary.after_target_s = std::nullopt;
   CHECK(ReadSummary(folder.Path("a.session.json")) == summary);
 }
 
