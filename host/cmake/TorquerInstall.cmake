@@ -3,11 +3,24 @@
 # (host/simulator/vessel) and the Python package (host/python) have their rules too. Each component
 # becomes a Debian package (host/packaging).
 set(data ${CMAKE_INSTALL_DATADIR}/torquer)
-install(DIRECTORY host/scenes/ DESTINATION ${data}/scenes COMPONENT common
-  FILES_MATCHING PATTERN "*.toml" PATTERN "*.csv" PATTERN "surface.*" PATTERN "*.mrk.json"
-  PATTERN "pictures" EXCLUDE)
-install(DIRECTORY host/devices/ DESTINATION ${data}/devices COMPONENT common
-  FILES_MATCHING PATTERN "*.toml")
+
+# torquer_install_data(FOLDER word..): scenes and devices, with the further words of install().
+function(torquer_install_data folder)
+  install(DIRECTORY host/scenes/ DESTINATION ${folder}/scenes ${ARGN}
+    FILES_MATCHING PATTERN "*.toml" PATTERN "*.csv" PATTERN "surface.*" PATTERN "*.mrk.json"
+    PATTERN "pictures" EXCLUDE)
+  install(DIRECTORY host/devices/ DESTINATION ${folder}/devices ${ARGN}
+    FILES_MATCHING PATTERN "*.toml")
+endfunction()
+# torquer_install_mesh_licenses(FOLDER word..): the licenses of the meshes in the scenes.
+function(torquer_install_mesh_licenses folder)
+  install(DIRECTORY host/scenes/meshes DESTINATION ${folder}/scenes ${ARGN}
+    FILES_MATCHING PATTERN LICENSE PATTERN centerlines EXCLUDE)
+endfunction()
+torquer_install_data(${data} COMPONENT common)
+set(wheel torquer/share/torquer COMPONENT wheel EXCLUDE_FROM_ALL)
+torquer_install_data(${wheel})
+torquer_install_mesh_licenses(${wheel})
 install(DIRECTORY calibration/ DESTINATION ${data}/calibration COMPONENT programs
   FILES_MATCHING PATTERN "*.toml" PATTERN "*.script")
 install(FILES hardware/udev/70-torquer.rules DESTINATION lib/udev/rules.d COMPONENT programs)
@@ -38,8 +51,7 @@ endforeach()
 
 # Debian has these in the file "copyright" of each package.
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/torquer COMPONENT licenses)
-install(DIRECTORY host/scenes/meshes DESTINATION ${data}/scenes COMPONENT licenses
-  FILES_MATCHING PATTERN LICENSE PATTERN centerlines EXCLUDE)
+torquer_install_mesh_licenses(${data} COMPONENT licenses)
 
 # The build tree has the layout of an installation, so that programs find their files in one way
 # (host/support/installed.h).

@@ -26,9 +26,10 @@ std::filesystem::path OwnFile() {
 
 std::filesystem::path FindInstalled(const std::filesystem::path& below_prefix) {
   const std::filesystem::path file = OwnFile();
-  std::filesystem::path folder = file.parent_path();
-  // The file is in bin, in bin/helpers, in lib, or in the machine's folder of lib.
-  for (int up = 0; up < 2 && folder.has_relative_path(); ++up) {
+  std::filesystem::path folder = file;
+  // The file is in bin, in bin/helpers, in lib, or in the machine's folder of lib. The module of a
+  // wheel is in the prefix itself.
+  for (int up = 0; up < 3 && folder.has_relative_path(); ++up) {
     folder = folder.parent_path();
     std::error_code missing;
     std::filesystem::path found = std::filesystem::canonical(folder / below_prefix, missing);

@@ -58,5 +58,10 @@ def main() -> int:
     return 0
 
 
+def command() -> int:
+    """The command torquer: its exit status."""
+    return _command.run("torquer", main)
+
+
 if __name__ == "__main__":
-    sys.exit(_command.run("torquer", main))
+    sys.exit(command())

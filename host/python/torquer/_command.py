@@ -42,7 +42,10 @@ def need(command: str, module: str, package: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
-        raise Error(f"{command} needs the package {package}: apt-get install {package}") from None
+        elsewhere = package.removeprefix("python3-").rstrip("0123456789")
+        raise Error(
+            f"{command} needs the package {package}: apt-get install {package}, or pip install {elsewhere}"
+        ) from None
 
 
 class Progress:

@@ -332,5 +332,10 @@ def main() -> int:
     return 1 if summary.failures else 0
 
 
+def command() -> int:
+    """The command torquer-batch: its exit status."""
+    return _command.run("torquer-batch", main)
+
+
 if __name__ == "__main__":
-    sys.exit(_command.run("torquer-batch", main))
+    sys.exit(command())

@@ -434,5 +434,10 @@ def main() -> int:
         return 2
 
 
+def command() -> int:
+    """The command torquer-trainees: its exit status."""
+    return _command.run("torquer-trainees", main)
+
+
 if __name__ == "__main__":
-    sys.exit(_command.run("torquer-trainees", main))
+    sys.exit(command())

@@ -193,5 +193,10 @@ def main() -> int:
     return 0
 
 
+def command() -> int:
+    """The command torquer-import: its exit status."""
+    return _command.run("torquer-import", main)
+
+
 if __name__ == "__main__":
-    sys.exit(_command.run("torquer-import", main))
+    sys.exit(command())

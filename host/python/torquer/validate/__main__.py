@@ -86,5 +86,10 @@ def main() -> int:
     return 0
 
 
+def command() -> int:
+    """The command torquer-validate: its exit status."""
+    return _command.run("torquer-validate", main)
+
+
 if __name__ == "__main__":
-    sys.exit(_command.run("torquer-validate", main))
+    sys.exit(command())

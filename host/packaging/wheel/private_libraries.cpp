@@ -1,0 +1,20 @@
+// The compiled parts of {fmt} and toml++, for programs and modules that leave Debian. Debian has
+// both as shared libraries only, and has their sources beside the headers.
+#define TOML_IMPLEMENTATION
+#include <fmt/format-inl.h>
+#include <toml++/toml.h>
+
+// The instances that fmt/format.h declares, and that libfmt.so has.
+FMT_BEGIN_NAMESPACE
+namespace detail {
+template auto dragonbox::to_decimal(float) noexcept -> dragonbox::decimal_fp<float>;
+template auto dragonbox::to_decimal(double) noexcept -> dragonbox::decimal_fp<double>;
+template locale_ref::locale_ref(const std::locale&);
+template auto locale_ref::get<std::locale>() const -> std::locale;
+template auto thousands_sep_impl(locale_ref) -> thousands_sep_result<char>;
+template auto decimal_point_impl(locale_ref) -> char;
+template void buffer<char>::append(const char*, const char*);
+template void vformat_to(buffer<char>&, string_view, basic_format_args<FMT_BUFFER_CONTEXT(char)>,
+                         locale_ref);
+}  // namespace detail
+FMT_END_NAMESPACE
