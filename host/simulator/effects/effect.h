@@ -9,6 +9,7 @@
 #include <any>
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -70,6 +71,10 @@ struct EffectContext {
   std::vector<Instrument> instruments = {};     ///< the innermost first
   const InstrumentStack* stack = nullptr;       ///< the stack of `instruments`
   const vessel::Vessel* vessel = nullptr;       ///< the vessel at rest, with its surface
+  std::filesystem::path folder = {};            ///< base of relative paths
+  /// The effect of this name in a scene that shares the vessel, its axes and the folder; null for
+  /// none. The new effect may share the contents of files with it.
+  const Effect* other = nullptr;
 
   /// Index of the instrument with a name. Throws UserError for `key` of the table if no instrument
   /// has it.
@@ -200,6 +205,8 @@ class Effect {
   virtual ImageSource* image() { return nullptr; }
   virtual MotionLimit* limit() { return nullptr; }
 
+  /// FNV-1a of the files that the effect has read; 0 for none.
+  virtual std::uint64_t FileHash() const { return 0; }
   /// Clears the effect's memory, as at the start. Energy terms have their own Reset.
   virtual void Restart() {}
   /// Copies the memory of `twin`, the same effect of the same scene. Neither effect may be in a

@@ -50,7 +50,7 @@ Vector3d UnitVector(PatientAxesSpec::Direction direction) {
 Scene::Scene(SceneSpec spec) : spec_(std::move(spec)) {
   vessel_ = KindOf(spec_.vessel).build(spec_.vessel.keys, spec_.folder);
   HashFiles();
-  Build();
+  Build(nullptr);
   HashContent();
 }
 
@@ -58,11 +58,12 @@ Scene::Scene(SceneSpec spec, const Scene& other) : spec_(std::move(spec)) {
   if (SourceOf(spec_) == SourceOf(other.spec_)) {
     vessel_ = other.vessel_;
     files_hash_ = other.files_hash_;
+    Build(&other);
   } else {
     vessel_ = KindOf(spec_.vessel).build(spec_.vessel.keys, spec_.folder);
     HashFiles();
+    Build(nullptr);
   }
-  Build();
   HashContent();
 }
 
@@ -71,20 +72,20 @@ Scene::Scene(Twin twin)
       vessel_(twin.of.vessel_),
       files_hash_(twin.of.files_hash_),
       content_hash_(twin.of.content_hash_) {
-  Build();
+  Build(&twin.of);
 }
 
 std::unique_ptr<Scene> Scene::MakeTwin() const {
   return std::unique_ptr<Scene>(new Scene(Twin{*this}));
 }
 
-void Scene::Build() {
+void Scene::Build(const Scene* sharing) {
   wall_.stiffness_N_mm2 = spec_.vessel.wall_stiffness_N_mm2;
   MakeAxes();
   MakeEntries();
   MakeStack();
   SetRelaxation();
-  for (const EffectSpec& effect : spec_.effects) MakeEffect(effect);
+  for (const EffectSpec& effect : spec_.effects) MakeEffect(effect, sharing);
 }
 
 void Scene::MakeAxes() {
@@ -244,9 +245,17 @@ void Scene::SetRelaxation() {
   budget_units_ = spec.budget_units.value_or(100);
 }
 
-void Scene::MakeEffect(const EffectSpec& spec) {
+const effects::Effect* Scene::FindEffect(const std::string& name) const {
+  const auto found = std::find(names_of_effects_.begin(), names_of_effects_.end(), name);
+  if (found == names_of_effects_.end()) return nullptr;
+  return effects_[static_cast<std::size_t>(found - names_of_effects_.begin())].get();
+}
+
+void Scene::MakeEffect(const EffectSpec& spec, const Scene* sharing) {
   const effects::EffectKind& kind = KindOf(spec);
   if (kind.make == nullptr) return;  // this kind only shapes the instruments
+  const bool has_same_axes = sharing != nullptr && sharing->axes_ == axes_;
+  const effects::Effect* const other = has_same_axes ? sharing->FindEffect(kind.name) : nullptr;
   effects_.push_back(kind.make(spec.keys, {.wire = rod(),
                                            .wall = wall_,
                                            .field = &vessel_.wire_field(),
@@ -257,7 +266,9 @@ void Scene::MakeEffect(const EffectSpec& spec) {
                                            .moving = moving_.get(),
                                            .instruments = instruments_,
                                            .stack = stack_.get(),
-                                           .vessel = &vessel_}));
+                                           .vessel = &vessel_,
+                                           .folder = spec_.folder,
+                                           .other = other}));
   names_of_effects_.push_back(kind.name);
   effects::Effect& effect = *effects_.back();
   EnergyTerm* const term = effect.energy_term();
@@ -295,6 +306,10 @@ void Scene::HashContent() {
     content_hash_ = Fnv1a(out.Text(), content_hash_);
   }
   content_hash_ = Fnv1a(files_hash_, content_hash_);
+  for (const std::unique_ptr<effects::Effect>& effect : effects_) {
+    const std::uint64_t hash = effect->FileHash();
+    if (hash != 0) content_hash_ = Fnv1a(Hex(hash), content_hash_);
+  }
 }
 
 std::vector<std::string> Scene::effect_names() const {

@@ -71,7 +71,7 @@ class Scene {
   /// Field of the moving vessel; null if the vessel does not move.
   vessel::MovingField* moving_field() { return moving_.get(); }
   /// FNV-1a of the spec as WriteScene writes it, without [case]. It includes the devices' values,
-  /// and the hash of the parsed bytes of the vessel's files.
+  /// and the bytes of the files that the vessel and the effects have read.
   std::uint64_t content_hash() const { return content_hash_; }
 
   /// Makes a relaxation with this scene's method, wall and effects. Use one at a time, because
@@ -92,7 +92,8 @@ class Scene {
   };
   explicit Scene(Twin twin);
 
-  void Build();
+  // Builds all but the vessel, which is that of `sharing` if it is not null.
+  void Build(const Scene* sharing);
   WireModel MakeInstrument(const InstrumentSpec& spec, double segment_mm, BendingLaw law) const;
   void MakeAxes();
   void MakeEntries();
@@ -101,7 +102,9 @@ class Scene {
   void MakeStack();
   void LayBeside(Clearance& clearance) const;
   void SetRelaxation();
-  void MakeEffect(const EffectSpec& spec);
+  // Effect with a name; null for none.
+  const effects::Effect* FindEffect(const std::string& name) const;
+  void MakeEffect(const EffectSpec& spec, const Scene* sharing);
   void HashFiles();
   void HashContent();
 

@@ -10,6 +10,7 @@ struct PatientAxes {
   Eigen::Vector3d left{1, 0, 0};
   Eigen::Vector3d posterior{0, 1, 0};
   Eigen::Vector3d superior{0, 0, 1};
+  bool operator==(const PatientAxes&) const = default;
 };
 
 }  // namespace torquer::vessel

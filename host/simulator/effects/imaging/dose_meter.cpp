@@ -14,15 +14,11 @@ double FieldMm(const CArm& arm) { return arm.detector_mm * arm.sod_mm / arm.sid_
 // Air kerma of one pulse at the reference point. The tube current adapts to the body's thickness
 // and the pixel size, so a pixel always gets the same dose.
 double PulseKermaMGy(const FluoroscopySettings& settings, const Controls& controls) {
-  constexpr double kThicknessMm = 200;
-  const Body& body = settings.body;
   const double magnification = controls.imaging.magnification;
   double mA = settings.tube_mA * magnification * magnification;
-  if (body.width_mm > 0) {
-    const double more =
-        MiddleIntegral(Projection(settings.arm, controls.lao_rad, controls.cra_rad), body) -
-        body.tissue_1_mm * kThicknessMm;
-    mA *= std::exp(more);
+  if (settings.scan != nullptr || settings.body.width_mm > 0) {
+    const Projection projection(settings.arm, controls.lao_rad, controls.cra_rad);
+    mA *= std::exp(settings.MiddleIntegralOf(projection) - settings.ReferenceIntegral());
   }
   const double distance_m = 1e-3 * (settings.arm.sod_mm - kBeforeIsocenterMm);
   return settings.tube_mGy_mAs * mA * 1e-3 * settings.pulse_ms / (distance_m * distance_m);

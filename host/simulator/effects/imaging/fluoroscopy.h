@@ -5,6 +5,7 @@
 //                DoseMeter
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -27,6 +28,9 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
 
   ImageSource* image() override { return this; }
   Observer* observer() override { return this; }
+  std::uint64_t FileHash() const override {
+    return settings_.scan != nullptr ? settings_.scan->file_hash() : 0;
+  }
   void Restart() override;
   void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;

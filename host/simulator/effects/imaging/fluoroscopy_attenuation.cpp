@@ -87,6 +87,25 @@ void AddWire(const Projection& projection, const std::vector<WirePoint>& wire, P
   }
 }
 
+void PlaneGrid::AddTo(Plane& plane) const {
+  const float share = 1 / static_cast<float>(step);
+  for (int row = 0; row < plane.height; ++row) {
+    const float y = share * static_cast<float>(row % step);
+    const float* const above = &value[IndexOf(0, row / step)];
+    const float* const below = above + columns;
+    float* out = &plane.At(0, row);
+    for (int cell = 0; cell + 1 < columns; ++cell) {
+      const float left = above[cell] + y * (below[cell] - above[cell]);
+      const float right = above[cell + 1] + y * (below[cell + 1] - above[cell + 1]);
+      const int inside = std::min(step, plane.width - cell * step);
+      for (int n = 0; n < inside; ++n) {
+        const float x = share * static_cast<float>(n);
+        *out++ += left + x * (right - left);
+      }
+    }
+  }
+}
+
 namespace {
 
 // Section of a ray in an elliptic cylinder along the patient's axis: length, and its middle's
@@ -153,40 +172,25 @@ double MiddleIntegral(const Projection& projection, const Body& body) {
 float FillWithBody(const Projection& projection, const Body& body, Plane& plane) {
   if (body.width_mm <= 0) return 0;
   constexpr int kGrid = 8;
-  const int columns = (plane.width + kGrid - 1) / kGrid + 1;
-  const int rows = (plane.height + kGrid - 1) / kGrid + 1;
+  PlaneGrid grid(plane, kGrid);
   const Eigen::Matrix3d patient = ToPatient(body);
   const Vector3d from = patient * (projection.source_mm() - body.center_mm);
   const Vector3d organs = patient * body.organs_mm;
   const Eigen::Matrix3d to_patient = patient * projection.camera().transpose();
-  std::vector<float> grid(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
   double mean = 0;
   int measured = 0;
-  for (int r = 0; r < rows; ++r) {
-    for (int c = 0; c < columns; ++c) {
+  for (int r = 0; r < grid.rows; ++r) {
+    for (int c = 0; c < grid.columns; ++c) {
       const Vector3d ray =
           to_patient * Vector3d(projection.RightOf(c * kGrid), projection.UpOf(r * kGrid), 1);
       const double integral = BodyIntegral(body, from, ray, organs);
-      grid[static_cast<std::size_t>(r * columns + c)] = static_cast<float>(integral);
-      // The exposure is measured in the middle of the field, the position of the patient.
-      if (r < rows / 4 || r > rows * 3 / 4 || c < columns / 4 || c > columns * 3 / 4) continue;
+      grid.At(c, r) = static_cast<float>(integral);
+      if (!grid.IsMiddle(c, r)) continue;
       mean += integral;
       ++measured;
     }
   }
-  for (int row = 0; row < plane.height; ++row) {
-    const float y = static_cast<float>(row % kGrid) / kGrid;
-    const float* const above = &grid[static_cast<std::size_t>(row / kGrid * columns)];
-    const float* const below = above + columns;
-    float* const out = &plane.At(0, row);
-    for (int column = 0; column < plane.width; ++column) {
-      const int c = column / kGrid;
-      const float x = static_cast<float>(column % kGrid) / kGrid;
-      const float left = above[c] + y * (below[c] - above[c]);
-      const float right = above[c + 1] + y * (below[c + 1] - above[c + 1]);
-      out[column] += left + x * (right - left);
-    }
-  }
+  grid.AddTo(plane);
   return static_cast<float>(mean / measured);
 }
 

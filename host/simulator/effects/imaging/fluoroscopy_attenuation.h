@@ -26,6 +26,35 @@ struct Plane {
   }
 };
 
+/// Values at every `step`-th row and column of a plane, up to its edges or beyond them.
+struct PlaneGrid {
+  PlaneGrid(const Plane& plane, int every)
+      : step(every),
+        columns((plane.width + every - 1) / every + 1),
+        rows((plane.height + every - 1) / every + 1),
+        value(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows)) {}
+
+  float& At(int column, int row) { return value[IndexOf(column, row)]; }
+  /// True in the field's middle, where the exposure is measured: it is the position of the patient.
+  bool IsMiddle(int column, int row) const {
+    return row >= rows / 4 && row <= rows * 3 / 4 && column >= columns / 4 &&
+           column <= columns * 3 / 4;
+  }
+  /// Adds the values, interpolated, to the plane.
+  void AddTo(Plane& plane) const;
+
+  int step;
+  int columns;
+  int rows;
+  std::vector<float> value;
+
+ private:
+  std::size_t IndexOf(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+           static_cast<std::size_t>(column);
+  }
+};
+
 /// Point of a wire.
 struct WirePoint {
   Eigen::Vector3d position_mm;

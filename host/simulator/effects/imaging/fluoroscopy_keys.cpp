@@ -1,10 +1,15 @@
+#include <fmt/format.h>
+
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "host/simulator/effects/imaging/ct_carving.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
+#include "host/support/error.h"
 
 namespace torquer::effects {
 
@@ -13,7 +18,14 @@ using Eigen::Vector3d;
 namespace {
 
 struct FluoroscopySpec : TableSpec {
+  enum class BodyKind { kModel, kCt };
+
   FluoroscopySettings::Mode mode = FluoroscopySettings::Mode::kPlain;
+  BodyKind body = BodyKind::kModel;
+  std::optional<std::string> ct_file;
+  double energy_keV = ScanSource().picture_keV;
+  double ct_keV = ScanSource().ct_keV;
+  double ct_blur_mm = ScanSource().blur_mm;
   std::optional<Vector3d> isocenter_mm;
   std::optional<Vector3d> body_center_mm;
   int width_px = 512;
@@ -72,6 +84,22 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
                   "contrast gain: fraction of the gray range that a factor e in intensity spans")
           .Number("iodine_1_mm_mg_mL", &Spec::iodine_1_mm_mg_mL, 0, 0.01, "1/mm per mg/mL",
                   "attenuation coefficient of iodine per concentration")
+          .Choice("body", &Spec::body, {"model", "ct"},
+                  "model: an elliptic trunk with a spine; ct: the patient's scan in ct_file, with "
+                  "blood in place of the contrast agent in the lumen of the vessel")
+          .Otherwise("none")
+          .Text(
+              "ct_file", &Spec::ct_file,
+              "scan in Hounsfield units, an uncompressed MetaImage (.mha) of 16-bit values in LPS "
+              "(patient_axes gives the directions); its path is relative to the scene file")
+          .Number("energy_keV", &Spec::energy_keV, CtAttenuation::kLeastKeV,
+                  CtAttenuation::kMostKeV, "keV",
+                  "effective energy of the X-rays, for the attenuation of a scan")
+          .Number("ct_keV", &Spec::ct_keV, CtAttenuation::kLeastKeV, CtAttenuation::kMostKeV, "keV",
+                  "effective energy of the CT, for the attenuation of its bone")
+          .Number("ct_blur_mm", &Spec::ct_blur_mm, 0, 3, "mm",
+                  "standard deviation of the CT's point spread, by which the contrast agent in the "
+                  "lumen has spread into its surroundings")
           .Number("body_width_mm", &Spec::body_width_mm, 0, 1000, "mm",
                   "width of the patient's body, from left to right; 0: no body")
           .Number("body_depth_mm", &Spec::body_depth_mm, 10, 1000, "mm",
@@ -83,16 +111,69 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
           .Integer("seed", &Spec::seed, 0, 1000000000,
                    "seed of the picture noise; the same seed repeats the same pictures")
           .Checked([](const Spec& spec, StrictTable& table) {
-            if (spec.sod_mm < spec.sid_mm) return;
-            table.Refuse(
-                "sod_mm",
-                "must be less than sid_mm: the isocenter lies between source and detector");
+            if (spec.sod_mm >= spec.sid_mm) {
+              table.Refuse(
+                  "sod_mm",
+                  "must be less than sid_mm: the isocenter lies between source and detector");
+            }
+            const bool is_ct = spec.body == Spec::BodyKind::kCt;
+            if (is_ct && !spec.ct_file) table.Refuse("body", "needs ct_file, the path of the scan");
+            for (const char* key : {"ct_file", "energy_keV", "ct_keV", "ct_blur_mm"}) {
+              if (!is_ct && table.Has(key)) table.Refuse(key, "is for body = \"ct\"; leave it out");
+            }
+            for (const char* key : {"body_center_mm", "body_width_mm", "body_depth_mm",
+                                    "tissue_1_mm", "spine_1_mm"}) {
+              if (is_ct && table.Has(key))
+                table.Refuse(key, "is for body = \"model\"; leave it out");
+            }
           })
           .Example(
               "mode = \"subtraction\"\n"
               "isocenter_mm = [22, -4, -28]\n"
               "detector_mm = 200\n");
   return keys;
+}
+
+CtLumen LumenOf(const EffectContext& context) {
+  CtLumen lumen;
+  lumen.bounds_mm = context.bounds_mm;
+  if (const auto& surface = context.vessel->surface) {
+    lumen.clearance = [&source = surface->surface()](const Vector3d& point_mm) {
+      return source.Distance(point_mm);
+    };
+  } else {
+    lumen.clearance = [field = context.vessel->field.get()](const Vector3d& point_mm) {
+      return field->Clearance(point_mm);
+    };
+    lumen.steepest = context.vessel->field->LipschitzBound();
+  }
+  return lumen;
+}
+
+std::shared_ptr<const CtBody> MakeScan(const FluoroscopySpec& spec, const ScanSource& source,
+                                       const EffectContext& context) {
+  const auto* other = dynamic_cast<const Fluoroscopy*>(context.other);
+  if (other != nullptr && other->settings().scan_source == source) return other->settings().scan;
+  CtVolume volume;
+  try {
+    volume = ReadCtVolume(source.file, context.axes);
+  } catch (const UserError& error) {
+    spec.origin.Refuse("ct_file", error.what());
+  }
+  const CtLumen lumen = LumenOf(context);
+  if (!Overlaps(lumen, volume)) {
+    const Vector3d first = volume.first_mm;
+    const Vector3d vessel = lumen.bounds_mm.center();
+    spec.origin.Refuse(
+        "ct_file",
+        fmt::format("the vessel, about ({:.0f}, {:.0f}, {:.0f}) mm, lies outside the scan, whose "
+                    "first voxel is at ({:.0f}, {:.0f}, {:.0f}) mm; give the scan from which the "
+                    "vessel was made, and check patient_axes",
+                    vessel[0], vessel[1], vessel[2], first[0], first[1], first[2]));
+  }
+  CarveLumen(lumen, source.blur_mm, volume);
+  return std::make_shared<const CtBody>(
+      std::move(volume), CtAttenuation(source.picture_keV, source.ct_keV), context.axes.superior);
 }
 
 std::unique_ptr<Effect> MakeFluoroscopy(const FluoroscopySpec& spec, const EffectContext& context) {
@@ -119,6 +200,13 @@ std::unique_ptr<Effect> MakeFluoroscopy(const FluoroscopySpec& spec, const Effec
   s.body.tissue_1_mm = spec.tissue_1_mm;
   s.body.spine_1_mm = spec.spine_1_mm;
   s.seed = static_cast<std::uint64_t>(spec.seed);
+  if (spec.body == FluoroscopySpec::BodyKind::kCt) {
+    s.scan_source = {.file = (context.folder / *spec.ct_file).string(),
+                     .picture_keV = spec.energy_keV,
+                     .ct_keV = spec.ct_keV,
+                     .blur_mm = spec.ct_blur_mm};
+    s.scan = MakeScan(spec, s.scan_source, context);
+  }
   return MakeFluoroscopy(s, context);
 }
 

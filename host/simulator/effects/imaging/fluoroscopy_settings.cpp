@@ -26,4 +26,13 @@ CArm FluoroscopySettings::ArmOf(const Imaging& imaging) const {
   return chosen;
 }
 
+double FluoroscopySettings::MiddleIntegralOf(const Projection& projection) const {
+  return scan != nullptr ? scan->MiddleIntegral(projection) : MiddleIntegral(projection, body);
+}
+
+double FluoroscopySettings::ReferenceIntegral() const {
+  constexpr double kThicknessMm = 200;
+  return kThicknessMm * (scan != nullptr ? scan->tissue_1_mm() : body.tissue_1_mm);
+}
+
 }  // namespace torquer::effects

@@ -2,12 +2,24 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <string>
 
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/imaging/ct_body.h"
 #include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
 #include "host/simulator/effects/imaging/fluoroscopy_projection.h"
 
 namespace torquer::effects {
+
+/// Scan in place of the body.
+struct ScanSource {
+  std::string file;         ///< path
+  double picture_keV = 60;  ///< effective energy of the picture
+  double ct_keV = 70;       ///< of the CT
+  double blur_mm = 0.6;     ///< standard deviation of the CT's point spread
+  bool operator==(const ScanSource&) const = default;
+};
 
 struct FluoroscopySettings {
   enum class Mode : std::uint8_t {
@@ -19,6 +31,8 @@ struct FluoroscopySettings {
   Mode mode = Mode::kPlain;
   CArm arm;
   Body body;
+  std::shared_ptr<const CtBody> scan;  ///< in place of `body`; null for none
+  ScanSource scan_source;              ///< of `scan`
   double pictures_per_s = 15;
   double photons = 600;  ///< unscattered photons per pixel behind the mean of the body
   double scatter_to_primary =
@@ -35,6 +49,9 @@ struct FluoroscopySettings {
   Mode ModeOf(const Imaging& imaging) const;
   double PulsesPerS(const Imaging& imaging) const;
   CArm ArmOf(const Imaging& imaging) const;
+  /// Line integral through the body along the middle ray, and through 200 mm of its tissue.
+  double MiddleIntegralOf(const Projection& projection) const;
+  double ReferenceIntegral() const;
 };
 
 }  // namespace torquer::effects

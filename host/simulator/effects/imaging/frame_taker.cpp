@@ -56,6 +56,7 @@ void FrameTaker::Restart() {
   memory_.next_s = 0;
   memory_.was_down = false;
   memory_.number = 0;
+  memory_.magnification = 0;
   std::fill(memory_.offsets.begin(), memory_.offsets.end(), Eigen::Vector3f::Zero());
 }
 
@@ -76,10 +77,22 @@ bool FrameTaker::IsDue(const TickView& tick) {
   return true;
 }
 
+void FrameTaker::CountStill(const Controls& controls) {
+  const double magnification = controls.imaging.magnification;
+  const bool is_same = controls.lao_rad == memory_.lao_rad && controls.cra_rad == memory_.cra_rad &&
+                       magnification == memory_.magnification;
+  memory_.still = is_same ? memory_.still + 1 : 0;
+  memory_.lao_rad = controls.lao_rad;
+  memory_.cra_rad = controls.cra_rad;
+  memory_.magnification = magnification;
+}
+
 bool FrameTaker::Take(const TickView& tick, XrayFrame& frame) {
   if (!IsDue(tick)) return false;
   frame.session = memory_.session;
   frame.number = memory_.number++;
+  CountStill(tick.controls);
+  frame.still = memory_.still;
   frame.pedal = memory_.pedal;
   frame.time_s = tick.time_s;
   frame.controls = tick.controls;

@@ -7,6 +7,7 @@
 
 namespace torquer::effects {
 
+using Eigen::Vector3d;
 using Mode = FluoroscopySettings::Mode;
 
 namespace {
@@ -42,16 +43,21 @@ void PictureRenderer::FindBody(const XrayFrame& frame) {
   if (frame.session != memory_.seen_session) memory_.has_body = memory_.has_mask = false;
   memory_.seen_session = frame.session;
   const double magnification = controls.imaging.magnification;
-  const bool same_view = memory_.has_body && controls.lao_rad == memory_.body_lao_rad &&
-                         controls.cra_rad == memory_.body_cra_rad &&
-                         magnification == memory_.body_magnification;
-  if (same_view && frame.organs_mm == memory_.body_organs_mm) return;
+  bool same_view = memory_.has_body && controls.lao_rad == memory_.body_lao_rad &&
+                   controls.cra_rad == memory_.body_cra_rad &&
+                   magnification == memory_.body_magnification;
+  // The C-arm may have come back while pictures were dropped.
+  if (settings_.scan != nullptr && frame.still < memory_.body_still) same_view = false;
+  memory_.body_still = frame.still;
   const CArm arm = settings_.ArmOf(controls.imaging);
-  memory_.body_plane.Clear(arm.width, arm.height);
   const Projection projection(arm, controls.lao_rad, controls.cra_rad);
-  Body body = settings_.body;
-  body.organs_mm = memory_.body_organs_mm = frame.organs_mm;
-  const float mean = FillWithBody(projection, body, memory_.body_plane);
+  if (same_view && settings_.scan != nullptr) {
+    RefineScan(projection, frame.still);
+    return;
+  }
+  if (same_view && frame.organs_mm == memory_.body_organs_mm) return;
+  memory_.body_plane.Clear(arm.width, arm.height);
+  const float mean = FillBody(projection, frame.organs_mm);
   if (same_view) return;
   memory_.exposure = mean;
   memory_.has_body = true;
@@ -60,6 +66,27 @@ void PictureRenderer::FindBody(const XrayFrame& frame) {
   memory_.body_magnification = magnification;
   // A mask from another angle or field is invalid.
   memory_.has_mask = false;
+  if (settings_.scan != nullptr) RefineScan(projection, frame.still);
+}
+
+// Fills the plane of the body. Returns the mean in the field's middle.
+float PictureRenderer::FillBody(const Projection& projection, const Vector3d& organs_mm) {
+  memory_.fine_parts = 0;
+  if (settings_.scan != nullptr)
+    return settings_.scan->FillCoarsely(projection, memory_.body_plane);
+  Body body = settings_.body;
+  body.organs_mm = memory_.body_organs_mm = organs_mm;
+  return FillWithBody(projection, body, memory_.body_plane);
+}
+
+// Refines the plane of a scan as far as pictures from this place of the C-arm allow. The scan is at
+// rest, so the mask has the same plane.
+void PictureRenderer::RefineScan(const Projection& projection, std::int64_t still) {
+  const int parts = CtBody::FineParts(still, memory_.body_plane);
+  if (parts <= memory_.fine_parts) return;
+  settings_.scan->Refine(projection, memory_.fine_parts, parts, memory_.body_plane);
+  memory_.fine_parts = parts;
+  if (memory_.has_mask) memory_.mask_body = memory_.body_plane;
 }
 
 void PictureRenderer::PaintDye(const XrayFrame& frame, const Projection& projection) {

@@ -39,6 +39,8 @@ class PictureRenderer {
     bool has_body = false;
     double body_lao_rad = 0, body_cra_rad = 0, body_magnification = 0;
     Eigen::Vector3d body_organs_mm = Eigen::Vector3d::Zero();
+    std::int64_t body_still = 0;  // as in XrayFrame
+    int fine_parts = 0;           // of the plane of a scan
     bool has_mask = false;
     std::int64_t mask_pedal = 0;
     std::int64_t seen_session = 0;  // of the last picture
@@ -46,6 +48,8 @@ class PictureRenderer {
   };
 
   void FindBody(const XrayFrame& frame);
+  float FillBody(const Projection& projection, const Eigen::Vector3d& organs_mm);
+  void RefineScan(const Projection& projection, std::int64_t still);
   void PaintDye(const XrayFrame& frame, const Projection& projection);
   void Subtract(const XrayFrame& frame);
   void Expose(const XrayFrame& frame, ImageSource::Picture& out) const;
