@@ -162,11 +162,21 @@ class Prepared:
         self.action_size = 2 * count
         self.vector_size = len(self.navigation.observe())
 
-    def observation_space(self) -> Any:
-        spaces = {part: self._space(part) for part in self.parts}
+    def observation_space(self, room: float = 1.0) -> Any:
+        """room: factor of the bounds of points over those that this scene needs."""
+        spaces = {part: self._space(part, room) for part in self.parts}
         return DictSpace(spaces) if self.is_dict else spaces[self.parts[0]]
 
-    def _space(self, part: str) -> Any:
+    def fits(self, space: Any) -> bool:
+        """True if the bounds in `space` contain all observations of this scene."""
+
+        def contains(outer: Any, inner: Any) -> bool:
+            return bool(outer.shape == inner.shape and (outer.low <= inner.low).all() and (outer.high >= inner.high).all())
+
+        own = self.observation_space()
+        return all(contains(space[part], own[part]) for part in self.parts) if self.is_dict else contains(space, own)
+
+    def _space(self, part: str, room: float) -> Any:
         if part == "vector":
             # No point of a wire is farther from the entry than the wire's length.
             longest_mm = [one.max_length_mm for one in self.scene.instruments]
@@ -174,7 +184,7 @@ class Prepared:
             ways_mm = [
                 np.linalg.norm(np.diff(route, axis=0, prepend=entry_mm), axis=1).sum() for route in self.targets.ends
             ]
-            far_mm = 2 * max(longest_mm) + max(ways_mm)
+            far_mm = room * (2 * max(longest_mm) + max(ways_mm))
             turns = [1.0] * 2 * len(longest_mm)
             points = [far_mm] * (self.vector_size - len(longest_mm) - len(turns))
             high = np.array([*points, *longest_mm, *turns], np.float32)

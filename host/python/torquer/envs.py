@@ -17,7 +17,7 @@ gymnasium.vector.VectorEnv. They are then registered on import:
 
 from __future__ import annotations
 
-from typing import Any, Dict, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Optional, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,11 @@ from ._vector import VectorEnv as VectorEnv
 Array = npt.NDArray[Any]
 
 RENDER_MODES = ["rgb_array", "human"]
+SceneDraw = Callable[[np.random.Generator], Scene]
+"""Random scenes of an environment."""
+_ARCHES = "torquer/Arches-v0"
+# Bounds of observations over those that the first of random scenes needs.
+_ROOM = 2.0
 
 
 class NavigationEnv(Env):  # type: ignore[misc]
@@ -65,6 +70,9 @@ class NavigationEnv(Env):  # type: ignore[misc]
     convergence decide "safe_success", it is None. `info` also has "wall_force_mN", "path_mm" of the tip, "remaining_mm"
     along the route and "time_s". The "target" is a centerline, with its "target_at_mm".
 
+    scene: a scene, its file, or a function of a numpy.random.Generator that returns a scene. Each reset calls the function,
+    by the seed. All of its scenes must have the same instruments and the task's centerlines.
+
     reward: a function of a Moment whose result replaces that reward. end: a function of a Moment. If it returns True,
     the episode has terminated, as at the target.
     """
@@ -73,7 +81,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
 
     def __init__(
         self,
-        scene: Union[Scene, str],
+        scene: Union[Scene, str, SceneDraw],
         task: Task,
         observation: Observation = "vector",
         render_mode: Optional[str] = None,
@@ -82,7 +90,9 @@ class NavigationEnv(Env):  # type: ignore[misc]
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise Error(f"render_mode is {render_mode!r}; give None, 'rgb_array' or 'human'")
-        prepared = Prepared(scene, task, observation, render_mode is not None)
+        self._draw_scene = scene if callable(scene) else None
+        first = scene(np.random.default_rng(0)) if callable(scene) else scene
+        prepared = Prepared(first, task, observation, render_mode is not None)
         self.task = task
         self.observation = observation
         self.render_mode = render_mode
@@ -90,15 +100,30 @@ class NavigationEnv(Env):  # type: ignore[misc]
         self.end = end
         self._parts = prepared.parts
         self._is_dict = prepared.is_dict
-        self._navigation = prepared.navigation
-        self._view = None if prepared.sees or render_mode is None else WireView(self.scene)
+        self._enter(prepared)
         self._window = Window(self.scene.name) if render_mode == "human" else None
         self._random = np.random.default_rng()
-        self._targets = prepared.targets
         self._target = (task.centerline, float(task.at_mm))
         self._ended = False  # by the user's end
         self.action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
-        self.observation_space = prepared.observation_space()
+        self.observation_space = prepared.observation_space(1.0 if self._draw_scene is None else _ROOM)
+
+    def _enter(self, prepared: Prepared) -> None:
+        self._navigation = prepared.navigation
+        self._targets = prepared.targets
+        self._view = None if prepared.sees or self.render_mode is None else WireView(self.scene)
+
+    def _next_scene(self) -> None:
+        """Draws the scene of the next episode."""
+        if self._draw_scene is None:
+            return
+        prepared = Prepared(self._draw_scene(self._random), self.task, self.observation, self.render_mode is not None)
+        if not prepared.fits(self.observation_space):
+            raise Error(
+                f"{prepared.scene.name} has observations outside the bounds of the first scene that was drawn, which are "
+                f"{_ROOM:g} times as wide as that scene needs; draw scenes of a similar size with the same instruments"
+            )
+        self._enter(prepared)
 
     def __getstate__(self) -> Dict[str, Any]:
         # A window stays with its process.
@@ -134,6 +159,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
             if gymnasium is not None:
                 super().reset(seed=seed)
             self._random = random
+        self._next_scene()
         rotation_rad = start_rotation(self._random, chosen)
         self._target = self._targets.draw(self._random, chosen_target)
         self._navigation.reset(rotation_rad, self._targets.route(self._target))
@@ -216,7 +242,7 @@ def make_vec(
 
 
 def register() -> None:
-    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0". The import of torquer.envs calls
+    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0", and "torquer/Arches-v0". The import of torquer.envs calls
     this where Gymnasium is installed. A second call has no effect."""
     if gymnasium is None:
         raise Error("gymnasium is not installed; use torquer.envs.make")
@@ -229,6 +255,8 @@ def register() -> None:
                 vector_entry_point="torquer.envs:make_vec",
                 kwargs={"name": name},
             )
+    if _ARCHES not in gymnasium.registry:
+        gymnasium.register(_ARCHES, entry_point="torquer.arches:make")
 
 
 if gymnasium is not None:
