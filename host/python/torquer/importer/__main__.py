@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import Error, Scene, __version__, _command
 from ..centerlines import UNITS
-from . import _given, case, centerlines, lumen, scan, surface
+from . import _given, body, case, centerlines, lumen, scan, surface
 from ._base import need
 
 
@@ -37,12 +37,15 @@ def _label_mesh(read: scan.Scan, number: int) -> surface.Mesh:
     return surface.isosurface(picture, 0.5, read.affine)
 
 
-def _from_scan(folder: pathlib.Path, arguments: argparse.Namespace, progress: _command.Progress) -> Tuple[surface.Mesh, List[str]]:
-    """Surface of the lumen in a scan or a label map, and sentences about the steps."""
+def _from_scan(
+    folder: pathlib.Path, arguments: argparse.Namespace, progress: _command.Progress
+) -> Tuple[surface.Mesh, str, List[str]]:
+    """Surface of the lumen in a scan or a label map, the keys of the body, and sentences about the steps."""
     seeds = np.array([_point("--seed", text) for text in arguments.seed]).reshape(-1, 3)
     progress.step("Reading the scan")
     read = scan.read(arguments.scan, arguments.series)
     facts: List[str] = list(read.facts)
+    levels: Optional[lumen.Levels] = None
     if arguments.label is not None:
         progress.step("Surface of the label")
         mesh = _label_mesh(read, arguments.label)
@@ -59,11 +62,17 @@ def _from_scan(folder: pathlib.Path, arguments: argparse.Namespace, progress: _c
         del picture, label, values
     before = mesh.volume_mm3()
     mesh = surface.decimate(surface.smooth(mesh))
+    text = ""
+    if levels is not None:
+        progress.step("Body")
+        shown = body.write(folder, read, mesh, levels)
+        text = shown.text
+        facts += shown.facts
     facts.append(
         f"Surface: {len(mesh.triangles)} triangles, {mesh.volume_mm3() / 1000:.2f} mL; smoothing and decimation changed the "
         f"volume by {100 * (mesh.volume_mm3() / before - 1):.2f} %."
     )
-    return mesh, facts
+    return mesh, text, facts
 
 
 def _from_surface(
@@ -87,10 +96,11 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
     """Makes all files in a folder; returns a description."""
     root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
     curves: Optional[List[centerlines.Curve]] = None
+    shown = ""
     if _given.is_surface(arguments.scan):
         mesh, curves, facts = _from_surface(arguments, root, progress)
     else:
-        mesh, facts = _from_scan(folder, arguments, progress)
+        mesh, shown, facts = _from_scan(folder, arguments, progress)
     surface.write_stl(folder / "surface.stl", mesh)
     if curves is None:
         progress.step("Centerlines")
@@ -101,7 +111,8 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
     entries = case.entries_of(curves)
     entry = case.first_entry(entries)
     origin = pathlib.Path(arguments.scan).resolve().name
-    (folder / f"{name}.toml").write_text(case.scene_text(name, re.sub(r"[^\w. -]", "_", origin), curves, entry))
+    text = case.scene_text(name, re.sub(r"[^\w. -]", "_", origin), curves, entry, shown)
+    (folder / f"{name}.toml").write_text(text)
     case.draw(folder / "picture.png", mesh, curves, entries)
     facts += Scene(str(folder / f"{name}.toml")).findings
     (folder / "report.txt").write_text("\n".join(facts) + "\n")

@@ -9,6 +9,7 @@ from typing import Any, List, Optional, Tuple
 import numpy as np
 
 from .._polyline import arcs_of, at_arcs
+from . import views
 from ._base import need, unit
 from .centerlines import Curve
 from .surface import Mesh
@@ -111,8 +112,8 @@ curvature_2_per_mm = [{two:.6f}, {two:.6f}, 0, 0, 0]
 """
 
 
-def scene_text(name: str, origin: str, curves: List[Curve], entry: Entry) -> str:
-    """The scene as TOML, in which each number has its origin as a comment."""
+def scene_text(name: str, origin: str, curves: List[Curve], entry: Entry, body: str = "") -> str:
+    """The scene as TOML, in which each number has its origin as a comment. `body`: keys of the X-ray picture's body."""
     thinnest = min(float(curve.radii.min()) for curve in curves)
     root = float(np.median(curves[0].radii[:10]))
     flow = min(_AORTA_ML_S, _AORTA_ML_S * (root / _AORTA_MM) ** 3)
@@ -123,6 +124,9 @@ def scene_text(name: str, origin: str, curves: List[Curve], entry: Entry) -> str
         f"#   {one_.name}: point_mm = {_list(one_.point_mm)}, direction = {_list(one_.direction, 4)}, radius {one_.radius_mm:.2f} mm\n"
         for one_ in entries_of(curves)
     )
+    angles = "".join(f"#   {view}\n" for view in views.find(curves))
+    if angles:
+        angles = "# C-arm angles at which the first 30 mm of a branch and its parent span the largest area:\n" + angles
     text = f"""# A patient's vessels, made by torquer-import from {origin}. Frame: LPS in mm.
 name = "{name}"
 
@@ -171,7 +175,7 @@ at = "tip"
 [effects.fluoroscopy]
 # Middle of the centerlines.
 isocenter_mm = {_list(center)}
-"""
+{body}{angles}"""
     target = _target(curves, entry)
     if target is not None:
         text += f"""

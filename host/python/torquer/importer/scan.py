@@ -190,3 +190,22 @@ def write_nifti(path: Path, values: npt.NDArray[Any], affine: npt.NDArray[np.flo
     image = nibabel.Nifti1Image(values.T, ras)
     image.header.set_xyzt_units("mm")
     nibabel.save(image, os.fspath(path))
+
+
+def write_meta(path: Path, scan: Scan) -> None:
+    """Writes an uncompressed MetaImage, as the simulator reads it: 16-bit values in LPS."""
+    spacing = scan.spacing_mm
+    directions = (scan.affine[:3, :3] / spacing).T.ravel()
+    text = {
+        "ObjectType": "Image", "NDims": "3", "BinaryData": "True", "BinaryDataByteOrderMSB": "False", "CompressedData": "False",
+        "TransformMatrix": _words(directions), "Offset": _words(scan.affine[:3, 3]), "ElementSpacing": _words(spacing),
+        "DimSize": _words(scan.values.shape[::-1]), "ElementType": "MET_SHORT", "ElementDataFile": "LOCAL",
+    }
+    with open(path, "wb") as file:
+        file.write("".join(f"{key} = {value}\n" for key, value in text.items()).encode())
+        for plane in scan.values:
+            file.write(plane.astype("<i2").tobytes())
+
+
+def _words(numbers: Any) -> str:
+    return " ".join(f"{number:.10g}" for number in numbers)
