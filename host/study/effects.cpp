@@ -16,6 +16,7 @@
 #include "host/study/cpu_time.h"
 #include "host/study/effect_drive.h"
 #include "host/study/instruction_count.h"
+#include "host/study/picture_prices.h"
 #include "host/support/error.h"
 #include "host/support/machine.h"
 
@@ -387,6 +388,7 @@ class EffectsStudy final : public Study {
     run.Draw(PricePlot(cases, prices),
              "Rows from top to bottom: no effect, two and three instruments, each effect alone "
              "(with the effects that it needs), all effects.");
+    PricePictures(run);
     return true;
   }
 

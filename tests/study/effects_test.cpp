@@ -34,6 +34,14 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
     CHECK(row["study"] == "effects");
     prices[row["case"]][row["metric"]] = row["value"];
   }
+  for (const char* body : {"model", "ct"}) {
+    const auto picture = prices.extract(std::string("picture of body ") + body);
+    REQUIRE(!picture.empty());
+    CHECK(picture.mapped().at("moving_ms_p50") > 0);
+    CHECK(picture.mapped().at("resting_ms_p50") > 0);
+    // A picture of 512 x 512 is fine within 3 s of 15 pictures each second.
+    CHECK(picture.mapped().at("finer_pictures") <= (std::string(body) == "ct" ? 45 : 0));
+  }
   std::set<std::string> expected = {"none",
                                     "2 instruments",
                                     "2 instruments+torsion",

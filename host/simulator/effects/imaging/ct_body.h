@@ -3,7 +3,7 @@
 //   CtVolume, carved --CtAttenuation--> 1/mm in each voxel --rays--> Plane
 //
 // The rays are integrated slice by slice, bilinear in each slice (Joseph, IEEE Trans Med Imaging
-// 1982;1:192). All pixels take about 1 s. So a picture from a new place of the C-arm has few rays
+// 1982;1:192). All pixels take 1 to 1.5 s. So a picture from a new place of the C-arm has few rays
 // in the scan of half the resolution. Each further picture from there replaces some rows, from the
 // middle outwards.
 #pragma once
