@@ -1,6 +1,7 @@
 // Friction on the wall of instruments that are turned, and the force and torque at their hands.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <vector>
 
 #include "host/simulator/core/internal_forces.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -84,45 +85,59 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   CHECK(forces.twisting_mJ[30] == Approx(torque_mJ / 2).epsilon(0.03));
 }
 
-TEST_CASE("The hand of the instrument at the wall feels the torque on its surface") {
-  constexpr double kMu = 0.3;
+// Torques at the hands of instruments with flush tips, the innermost first. They lie on the wall
+// and are turned together, far enough to climb until they slip.
+std::vector<double> TorquesOfTurned(const std::vector<double>& radii_mm, double rigidity_N_mm2,
+                                    double torsional_N_mm2, double mu) {
   constexpr double kBore = 10;
-  const double torsional_rigidity = test::kUnderSanitizer ? 10.0 : GENERATE(0.0, 10.0);
-  const double radii_mm[] = {0.2, 0.4};
   std::vector<WireModel> instruments;
   for (const double radius_mm : radii_mm) {
     instruments.push_back(MakeWire({.segment_mm = 1,
-                                    .rigidity_N_mm2 = 5e-4,
-                                    .torsional_rigidity_N_mm2 = torsional_rigidity,
+                                    .rigidity_N_mm2 = rigidity_N_mm2,
+                                    .torsional_rigidity_N_mm2 = torsional_N_mm2,
                                     .radius_mm = radius_mm,
                                     .sheath = {Vector3d(0, 0, 0.4 - kBore), Vector3d::UnitX()}}));
   }
   InstrumentStack stack(std::move(instruments));
   const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), kBore);
   const WallModel wall{.stiffness_N_mm2 = 10};
-  InstrumentPoses poses(2);
-  poses[0].insertion_mm = poses[1].insertion_mm = 60;
+  InstrumentPoses poses(stack.size());
+  for (int k = 0; k < stack.size(); ++k) poses[k].insertion_mm = 60;
   stack.Combine(poses);
-  effects::Friction friction(
-      kMu, 0.001,
-      {.wire = stack.rod(), .wall = wall, .instruments = std::vector<effects::Instrument>(2)});
+  effects::Friction friction(mu, 0.001,
+                             {.wire = stack.rod(),
+                              .wall = wall,
+                              .instruments = std::vector<effects::Instrument>(radii_mm.size())});
   Weight weight;
   const std::vector<EnergyTerm*> terms{&friction, &weight};
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
   WireState state = WireState::Along(stack.rod(), {Vector3d(100, 0, 0.4 - kBore)}, poses);
   relaxation->Restart(state);
-  // Far enough for the wire to climb until it slips.
-  for (int k = 0; k < 700; ++k) {
-    poses[0].rotation_rad = poses[1].rotation_rad -= 0.02;
+  for (int turn = 0; turn < 700; ++turn) {
+    for (int k = 0; k < stack.size(); ++k) poses[k].rotation_rad -= 0.02;
     REQUIRE(Settle(*relaxation, poses, state, 50).converged);
   }
   InternalForces forces;
   FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
   HandForces hands;
   hands.Find(stack, state, relaxation->Current(), forces, {});
-  CHECK(hands.hands()[0].torque_mJ == Approx(0).margin(1e-9));
-  CHECK(hands.hands()[1].torque_mJ ==
-        Approx(-0.4 * std::sin(std::atan(kMu)) * 60 * 1e-3).epsilon(0.03));
+  std::vector<double> torques_mJ;
+  for (int k = 0; k < stack.size(); ++k) {
+    torques_mJ.push_back(hands.hands()[static_cast<std::size_t>(k)].torque_mJ);
+  }
+  return torques_mJ;
+}
+
+TEST_CASE("The hand of the instrument at the wall feels the torque on its surface") {
+  constexpr double kMu = 0.3;
+  const double torsional = test::kUnderSanitizer ? 10.0 : GENERATE(0.0, 10.0);
+  const std::vector<double> nested = TorquesOfTurned({0.2, 0.4}, 5e-4, torsional, kMu);
+  CHECK(nested[0] == Approx(0).margin(1e-9));
+  // Both are one wire with the radius of the outer one.
+  const std::vector<double> one = TorquesOfTurned({0.4}, 1e-3, 2 * torsional, kMu);
+  CHECK(nested[1] == Approx(one[0]).epsilon(2e-3));
+  if (torsional > 0) return;
+  CHECK(nested[1] == Approx(-0.4 * std::sin(std::atan(kMu)) * 60 * 1e-3).epsilon(0.03));
 }
 
 // Time-dependent term like inertia: a dissipation that is unrelated to the wall.

@@ -87,6 +87,46 @@ TEST_CASE(
   CHECK(LargestDistance(both.state, led) < 1e-3);
 }
 
+TEST_CASE("Two instruments with flush tips press on a wall as one with both rigidities does") {
+  const HalfSpace floor(Vector3d(0, -2, 0), Vector3d::UnitY());
+  const WallModel wall;
+  EndForce force(Vector3d(0, -0.02, 0));
+  const std::vector<EnergyTerm*> terms{&force};
+  const auto pressed = [&](InstrumentStack& stack, const InstrumentPoses& at) {
+    const auto relaxation = MakeNewtonRelaxation(stack, floor, wall, {.tolerance = 1e-9}, terms);
+    WireState state(stack.rod(), stack.size());
+    relaxation->Restart(state);
+    REQUIRE(Settle(*relaxation, at, state, 400).converged);
+    return state;
+  };
+  InstrumentStack nested({Arc(2, 0, 0.2), Arc(3, 0, 0.6)});
+  const WireModel sum = Arc(5, 0, 0.6);
+  InstrumentStack one(sum);
+  const WireState both = pressed(nested, {{30, 0}, {30, 0}});
+  CHECK(LargestDistance(both, pressed(one, {30, 0})) < 1e-9);
+  CHECK(both.tip()[1] == Approx(-2 + 0.6).margin(0.1));  // its surface is on the floor
+}
+
+TEST_CASE("An instrument that ends at the sheath has no part in the shape") {
+  Arcs alone({Arc(2, 0.04, 0.2)});
+  alone.MoveTo({60, 0});
+  Arcs both({Arc(2, 0.04, 0.2), Arc(300, 0, 0.6)});
+  both.MoveTo({{60, 0}, {0, 0}});
+  CHECK(LargestDistance(both.state, alone.state) < 1e-9);
+  // The bend of the first joint is a mean of the curvature. Its weight falls from 1 at the sheath
+  // to 0 at the next joint. A catheter that covers the part d/l of this length has (d/l)(2 - d/l)
+  // of the weight.
+  InstrumentStack stack({Arc(1, 0, 0.2), Arc(9, 0, 0.6)});
+  for (const double part : {0.0, 0.1, 0.5, 1.0}) {
+    CAPTURE(part);
+    stack.Combine({{60, 0}, {part * kArcSegmentMm, 0}});
+    const double weight = part * (2 - part);
+    const int first_joint = static_cast<int>(std::lround(60 / kArcSegmentMm));
+    CHECK(stack.rod().rigidity_N_mm2(first_joint) ==
+          Approx(1 / (1 - weight + weight / 10)).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("The wall sees the outermost instrument that is there") {
   Arcs all({Arc(2, 0, 0.2), Arc(3, 0, 0.6), Arc(7, 0, 0.9)});
   all.MoveTo({{40, 0}, {20, 0}, {10, 0}});

@@ -1,6 +1,9 @@
 // Weight and mass of instruments with clearance in a lumen.
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -140,32 +143,63 @@ TEST_CASE("Weight and mass of two curves have the gradient of finite differences
   CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
 }
 
-TEST_CASE("Room does not change the moving mass where both curves move alike") {
-  const InstrumentPoses poses = GENERATE(kWireLeads, kThreeWireLeads, kThreeCatheterLeads);
+// Integral over the arc length, from a place on, of the squared radius of the outermost one of some
+// instruments of TwoCurves, mm^3.
+double SquaredRadii(const InstrumentPoses& poses, InstrumentStack::Range range, double from_mm) {
+  constexpr double kRadii_mm[] = {0.2, 0.5, 0.9};
+  double sum = 0;
+  for (int k = range.last - 1; k >= range.first; --k) {
+    sum += std::max(0.0, poses[k].insertion_mm - from_mm) * kRadii_mm[k] * kRadii_mm[k];
+    from_mm = std::max(from_mm, poses[k].insertion_mm);
+  }
+  return sum;
+}
+
+TEST_CASE("Instruments move with their own mass and twice the blood that they displace") {
+  const std::vector<double> density_g_m{0.7, 2, 3};
+  const double fluid_kg_m3 = 1060;
+  const InstrumentPoses poses =
+      GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
+  const bool in_catheter = GENERATE(false, true);
+  const bool in_guide = GENERATE(false, true);
+  if (in_guide && (poses.size() < 3 || !in_catheter)) return;
+  TwoCurves curves(poses, 2, 11, 0, {false, in_catheter, in_guide});
+  effects::EffectContext context{curves.model, curves.wall};
+  context.stack = &curves.stack;
+  effects::Inertia inertia({.linear_density_g_m = density_g_m, .fluid_kg_m3 = fluid_kg_m3},
+                           context);
+  const double step_s = 0.001;
+  inertia.AdvanceTime(step_s);
   const Vector3d moved_mm(0.1, 0.2, -0.3);
-  const auto force_N = [&](const std::array<bool, kMostInstruments>& rooms) {
-    TwoCurves curves(poses, 2, 11, 0, rooms);
-    effects::EffectContext context{curves.model, curves.wall};
-    context.stack = &curves.stack;
-    effects::Inertia inertia({.linear_density_g_m = {0.7, 2, 3}, .fluid_kg_m3 = 1060}, context);
-    curves.terms.push_back(&inertia);
-    inertia.AdvanceTime(0.001);
-    Vector3d sum = Vector3d::Zero();
-    for (int c = 0; c < curves.stack.curves(); ++c) {
-      PointSet points = curves.at.curve(c).points;
-      inertia.Begin(points);
-      for (Vector3d& at : points.position) at += moved_mm;
-      PointDerivatives out;
-      out.Clear(points.position.size());
-      inertia.Add(points, out);
-      for (const Vector3d& gradient : out.gradient) sum += gradient;
+  Vector3d force_N = Vector3d::Zero();
+  double mass_mg = 0;
+  for (int c = 0; c < curves.stack.curves(); ++c) {
+    PointSet points = curves.at.curve(c).points;
+    inertia.Begin(points);
+    for (Vector3d& at : points.position) at += moved_mm;
+    PointDerivatives out;
+    out.Clear(points.position.size());
+    inertia.Add(points, out);
+    for (const Vector3d& gradient : out.gradient) force_N += gradient;
+    // The sheath holds the first half piece of each curve.
+    const double held_mm = points.first_spacing_mm / 2;
+    const InstrumentStack::Range range = curves.stack.OnCurve(c);
+    for (int k = range.first; k < range.last; ++k) {
+      mass_mg += density_g_m[static_cast<std::size_t>(k)] * (poses[k].insertion_mm - held_mm);
     }
-    return sum;
-  };
-  const Vector3d apart_N = force_N({false, true});
-  CHECK(apart_N.norm() > 1e-6);
-  // Tips lie within a piece of the other curve.
-  CHECK((apart_N - force_N({})).norm() < 0.02 * apart_N.norm());
+    double volume_mm3 = SquaredRadii(poses, range, held_mm);
+    if (c > 0) {
+      InstrumentPoses within = poses;
+      for (int k = 0; k < range.first; ++k) {
+        within[k].insertion_mm =
+            std::min(poses[k].insertion_mm, curves.state.curve(c).insertion_mm());
+      }
+      volume_mm3 -= SquaredRadii(within, {curves.stack.OnCurve(c - 1).first, range.first}, held_mm);
+    }
+    mass_mg += 2e-3 * fluid_kg_m3 * std::numbers::pi * volume_mm3;
+  }
+  const Vector3d expected_N = 1e-9 * mass_mg / (step_s * step_s) * moved_mm;
+  CHECK((force_N - expected_N).norm() < 1e-9 * expected_N.norm());
 }
 
 // The instruments fall from a straight line and are fed and withdrawn meanwhile. If they do not

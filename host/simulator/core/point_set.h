@@ -79,9 +79,9 @@ struct PointSet {
     /// Number of points, from the sheath on, that lie in the lumen of another curve. They cannot
     /// touch the wall.
     int in_lumen = 0;
-    /// For curves around others: radius of the curve inside at the same way from the sheath, 0
-    /// beyond its end. Otherwise empty.
-    std::vector<double> inside_mm;
+    /// For curves around others: squared radius of the curves inside at the same way from the
+    /// sheath. It is a mean over the point's length, and 0 beyond their ends. Otherwise empty.
+    std::vector<double> inside_mm2;
     bool is_farthest = true;        ///< the curve reaches farthest; of equals, the innermost
     double behind_farthest_mm = 0;  ///< distance of the curve's end behind that of the farthest
     bool beside_farthest = false;   ///< lies beside the farthest one, not within or around it
@@ -135,9 +135,13 @@ struct PointSet {
   /// Fraction of the point's length that the instrument covers, 0 .. 1: between 0 and 1 only near
   /// its tip.
   double CoverageOf(int instrument, int q) const {
+    return CoverageUpTo(instruments.behind_mm[instrument], q);
+  }
+  /// The same up to a place, as a distance behind the distal end.
+  double CoverageUpTo(double behind_mm, int q) const {
     const double before_mm = PieceMm(q) / 2;
     const double beyond_mm = q + 1 < size() ? PieceMm(q + 1) / 2 : 0;
-    const double from_tip_mm = FromTipMm(q) - instruments.behind_mm[instrument];
+    const double from_tip_mm = FromTipMm(q) - behind_mm;
     const double reached_mm = std::clamp(from_tip_mm, -before_mm, beyond_mm);
     return (before_mm + reached_mm) / (before_mm + beyond_mm);
   }

@@ -37,7 +37,7 @@ QuadraticModel WireMechanics::MakeQuadraticModel() const {
     const auto segments = static_cast<std::size_t>(mechanics.model().max_segments()) + 1;
     curve.touch_gradient.reserve(segments);
     curve.points.between.per_segment = pieces;
-    curve.points.among.inside_mm.reserve(mechanics.points().capacity());
+    curve.points.among.inside_mm2.reserve(mechanics.points().capacity());
     if (!SlidesInLumen()) continue;
     const std::size_t places = segments * static_cast<std::size_t>(pieces);
     curve.points.between.lumen.reserve(places);
@@ -165,19 +165,20 @@ void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) co
   }
 }
 
-// Radius of the curves within a curve. For two curves, the radius of a section of the same area.
+// Squared radius of the curves within a curve. For two curves, it is that of a section of the same
+// area.
 void WireMechanics::FindInside(const WireState& state, int curve, PointSet& points) const {
-  points.among.inside_mm.assign(points.position.size(), 0);
+  points.among.inside_mm2.assign(points.position.size(), 0);
   for (int inner = 0; inner < curve; ++inner) {
     if (stack_->CurveAround(inner) != curve) continue;
-    const Curve& inside = state.curve(inner);
+    const double behind_mm = state.curve(curve).insertion_mm() - state.curve(inner).insertion_mm();
     for (int q = 0; q < points.size(); ++q) {
-      const double beyond_mm =
-          state.curve(curve).insertion_mm() - points.FromTipMm(q) - inside.insertion_mm();
-      if (beyond_mm > 0) continue;
-      const auto from_tip = static_cast<int>(-beyond_mm / model(inner).segment_mm());
-      double& inside_mm = points.among.inside_mm[q];
-      inside_mm = std::hypot(inside_mm, model(inner).radius_mm(from_tip));
+      const double coverage = points.CoverageUpTo(behind_mm, q);
+      if (coverage == 0) continue;
+      const double from_tip_mm = std::max(0.0, points.FromTipMm(q) - behind_mm);
+      const double radius_mm =
+          model(inner).radius_mm(static_cast<int>(from_tip_mm / model(inner).segment_mm()));
+      points.among.inside_mm2[q] += coverage * radius_mm * radius_mm;
     }
   }
 }

@@ -198,25 +198,36 @@ RodJoints::RodJoints(const std::array<Member, kMostInstruments>& members, int co
     : members_(members),
       count_(static_cast<std::size_t>(count)),
       segment_mm_(segment_mm),
-      uniform_from_mm_(0) {
+      uniform_from_mm_(0),
+      none_ends_until_mm_(HUGE_VAL),
+      none_ends_from_mm_(0) {
+  members_[0].until_mm = HUGE_VAL;
   for (std::size_t m = 0; m < count_; ++m) {
-    uniform_from_mm_ = std::max(uniform_from_mm_,
-                                members_[m].behind_mm + members_[m].sections->back().from_tip_mm);
+    const Member& member = members_[m];
+    uniform_from_mm_ =
+        std::max(uniform_from_mm_, member.behind_mm + member.sections->back().from_tip_mm);
+    if (std::isinf(member.until_mm)) continue;
+    none_ends_until_mm_ = std::min(none_ends_until_mm_, member.until_mm);
+    none_ends_from_mm_ = std::max(none_ends_from_mm_, member.until_mm);
   }
 }
 
 double RodJoints::NextKink(double from_mm, double before_mm) const {
   for (std::size_t m = 0; m < count_; ++m) {
     const Member& member = members_[m];
+    if (member.until_mm <= std::max(from_mm, member.behind_mm)) continue;
     if (m > 0 && member.behind_mm > from_mm) return std::min(before_mm, member.behind_mm);
-    before_mm = NextEnd(*member.sections, member.behind_mm, from_mm, before_mm);
+    before_mm =
+        NextEnd(*member.sections, member.behind_mm, from_mm, std::min(before_mm, member.until_mm));
   }
   return before_mm;
 }
 
 const JointIntegrals& RodJoints::At(int from_tip) {
   const double joint_mm = from_tip * segment_mm_;
-  const bool uniform = joint_mm - segment_mm_ >= uniform_from_mm_;
+  const bool uniform = joint_mm - segment_mm_ >= uniform_from_mm_ &&
+                       (joint_mm + segment_mm_ <= none_ends_until_mm_ ||
+                        joint_mm - segment_mm_ >= none_ends_from_mm_);
   if (uniform && uniform_) return joint_;
   uniform_ = uniform;
   joint_ = JointIntegrals();
@@ -231,6 +242,7 @@ const JointIntegrals& RodJoints::At(int from_tip) {
       const Member& member = members_[m];
       // The first member continues beyond the rod's end, for the half hat of the last joint.
       if (m > 0 && member.behind_mm > piece.from_mm) break;
+      if (member.until_mm <= piece.from_mm) continue;
       present.Add(SectionAt(*member.sections, piece.from_mm - member.behind_mm),
                   SectionAt(*member.sections, piece.to_mm - member.behind_mm));
     }
@@ -243,6 +255,10 @@ const JointIntegrals& RodJoints::At(int from_tip) {
     if (bend_rad.norm() < kStraightRad) bend_rad.setZero();
   }
   return joint_;
+}
+
+double EndInSheath(double behind_mm, double inserted_mm, double segment_mm) {
+  return inserted_mm < 2 * segment_mm ? behind_mm + 2 * inserted_mm : HUGE_VAL;
 }
 
 double JointTorsionalRigidity(const std::vector<WireSection>& sections, double from_tip_mm,

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <limits>
 #include <vector>
 
 #include "host/simulator/core/instrument_pose.h"
@@ -57,6 +58,9 @@ class RodJoints {
   struct Member {
     const std::vector<WireSection>* sections = nullptr;
     double behind_mm = 0;  ///< distance of its tip behind the rod's end, >= 0
+    /// Its last place, as a distance from the rod's end: see EndInSheath. The first member has
+    /// none.
+    double until_mm = std::numeric_limits<double>::infinity();
   };
 
   /// Joints of one instrument.
@@ -75,10 +79,17 @@ class RodJoints {
   std::array<Member, kMostInstruments> members_;
   std::size_t count_;
   double segment_mm_;
-  double uniform_from_mm_;  // no property changes from here on
-  bool uniform_ = false;    // joint_ is one beyond uniform_from_mm_
+  double uniform_from_mm_;     // no property of a member changes from here on
+  double none_ends_until_mm_;  // no member ends in the sheath up to here ..
+  double none_ends_from_mm_;   // .. and none does from here on
+  bool uniform_ = false;       // joint_ is one beyond uniform_from_mm_
   JointIntegrals joint_;
 };
+
+/// Last place of an instrument in the hat of the joint at the sheath, from the rod's end. Half of
+/// that hat lies in the sheath. The instrument counts there as far as in the other half. So with
+/// its tip at the sheath it does not count. No limit from two segments past the sheath on.
+double EndInSheath(double behind_mm, double inserted_mm, double segment_mm);
 
 /// GJ of a joint of one instrument, N mm^2: segment length over the integral of w / GJ. Zero for an
 /// instrument that does not twist. The first section continues beyond the tip.

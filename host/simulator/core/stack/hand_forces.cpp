@@ -232,8 +232,10 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
   std::array<RodJoints::Member, kMostInstruments> members;
   for (int m = 0; m < count_; ++m) {
     const int k = order_[m];
-    members[m] = {&stack.instrument(k).sections(),
-                  curve.insertion_mm() - curve.poses()[k].insertion_mm};
+    const double inserted_mm = curve.poses()[k].insertion_mm;
+    const double behind_mm = curve.insertion_mm() - inserted_mm;
+    members[m] = {&stack.instrument(k).sections(), behind_mm,
+                  EndInSheath(behind_mm, inserted_mm, on.rod.segment_mm())};
   }
   RodJoints joints(members, count_, on.rod.segment_mm());
   for (int i = curve.segments(); i > 0; --i) {

@@ -262,6 +262,7 @@ int InstrumentStack::Gather(const InstrumentPoses& poses, Range range, double en
     member.model = &instrument(k);
     member.instrument = static_cast<std::size_t>(k);
     member.behind_mm = end_mm - poses[k].insertion_mm;
+    member.near_mm = std::min(poses[k].insertion_mm, 2 * instrument(k).segment_mm());
     member.turn << std::cos(rotation), std::sin(rotation);
   }
   const int count = last - first;
@@ -286,11 +287,24 @@ void InstrumentStack::Combine(const InstrumentPoses& poses) {
   }
 }
 
+namespace {
+
+// Part of a segment that an instrument covers, if the segment's distal end is `beyond_mm` from the
+// instrument's tip. The first segment may be half as long as the others. So the part also falls to
+// 0 as the tip reaches the sheath.
+double CoveredPart(double beyond_mm, double inserted_mm, double segment_mm) {
+  const double covered = std::clamp(1 + beyond_mm / segment_mm, 0.0, 1.0);
+  return covered * std::min(2 * inserted_mm / segment_mm, 1.0);
+}
+
+}  // namespace
+
 void InstrumentStack::CombineRod(const Members& members, int first, int count, WireModel& rod) {
   const double lambda = rod.segment_mm();
   std::array<RodJoints::Member, kMostInstruments> placed;
   for (int m = 0; m < count; ++m) {
-    placed[m] = {&members[m].model->sections(), members[m].behind_mm};
+    placed[m] = {&members[m].model->sections(), members[m].behind_mm,
+                 EndInSheath(members[m].behind_mm, members[m].near_mm, lambda)};
   }
   RodJoints integrals(placed, count, lambda);
   for (std::size_t k = 0; k < joints_.size(); ++k) {
@@ -304,12 +318,14 @@ void InstrumentStack::CombineRod(const Members& members, int first, int count, W
     for (int m = 0; m < count; ++m) {
       const Member& member = members[m];
       joint.rest_rad += Turned(integral.bend_rad[m], member.turn);
+      if (m == 0) continue;
+      // The radius is that of the segment proximal of the joint, at its distal end. A segment that
+      // an instrument covers in part has a mean radius.
       const double beyond_mm = from_tip_mm - member.behind_mm;
-      if (m == 0 || beyond_mm <= 0) continue;
-      // The radius is that of the segment distal of the joint.
+      const double covered = CoveredPart(beyond_mm, member.near_mm, lambda);
+      if (covered == 0) continue;
       const double added_mm = SectionAt(member.model->sections(), beyond_mm).radius_mm;
-      joint.radius_mm +=
-          std::min(beyond_mm / lambda, 1.0) * std::max(0.0, added_mm - joint.radius_mm);
+      joint.radius_mm += covered * std::max(0.0, added_mm - joint.radius_mm);
     }
     if (twisting_.empty()) {
       joint.mutual_mJ = MutualOf(members, count, integral);

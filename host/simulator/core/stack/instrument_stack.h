@@ -121,6 +121,7 @@ class InstrumentStack {
     const WireModel* model = nullptr;
     std::size_t instrument = 0;
     double behind_mm = 0;
+    double near_mm = 0;  // length past the sheath, at most two segments
     Eigen::Vector2d turn = {1, 0};
 
     bool operator==(const Member&) const = default;

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "host/simulator/core/hash.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "host/simulator/core/wire_sections.h"
 
 namespace torquer::effects {
 
@@ -26,7 +28,8 @@ double Inserted(const PointSet& points) {
 
 }  // namespace
 
-Inertia::Inertia(Settings settings, const EffectContext& context) : settings_(std::move(settings)) {
+Inertia::Inertia(Settings settings, const EffectContext& context)
+    : settings_(std::move(settings)), stack_(context.stack) {
   const std::size_t points = static_cast<std::size_t>(context.wire.max_segments() + 1) *
                              static_cast<std::size_t>(context.wall.points_per_segment);
   next_.resize(points);
@@ -36,6 +39,24 @@ Inertia::Inertia(Settings settings, const EffectContext& context) : settings_(st
     curve.sheath = (context.stack == nullptr ? context.wire : context.stack->rod(c)).sheath();
     curve.material.resize(points);
   }
+}
+
+// Mean squared radius of a curve over the length of a point. At each place it is that of the
+// outermost instrument there. A point's radius is a mean too, but its square is not.
+double Inertia::SquaredRadius(const PointSet& points, int q) const {
+  const int from_tip = points.FromTip(q) / points.per_segment * points.per_segment;
+  double covered = 0;
+  double squared_mm2 = 0;
+  for (int k = points.instruments.last - 1; k >= points.instruments.first; --k) {
+    const double coverage = points.CoverageOf(k, q);
+    if (coverage <= covered) continue;
+    const double from_tip_mm = from_tip * points.spacing_mm - points.instruments.behind_mm[k];
+    const double radius_mm =
+        SectionAt(stack_->instrument(k).sections(), std::max(0.0, from_tip_mm)).radius_mm;
+    squared_mm2 += (coverage - covered) * radius_mm * radius_mm;
+    covered = coverage;
+  }
+  return squared_mm2;
 }
 
 // Mass per length for motion across the wire. It includes the instruments, the fluid in them, and a
@@ -50,9 +71,9 @@ double Inertia::DensityAt(const PointSet& points, int q) const {
     density_g_m += coverage * settings_.linear_density_g_m[static_cast<std::size_t>(k)];
   }
   const auto p = static_cast<std::size_t>(q);
-  double squared_mm2 = points.radius_mm[p] * points.radius_mm[p];
-  if (!points.among.inside_mm.empty())
-    squared_mm2 -= points.among.inside_mm[p] * points.among.inside_mm[p];
+  double squared_mm2 =
+      several ? SquaredRadius(points, q) : points.radius_mm[p] * points.radius_mm[p];
+  if (!points.among.inside_mm2.empty()) squared_mm2 -= points.among.inside_mm2[p];
   return density_g_m + 2e-3 * settings_.fluid_kg_m3 * std::numbers::pi * squared_mm2;
 }
 

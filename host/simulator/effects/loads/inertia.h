@@ -76,10 +76,12 @@ class Inertia final : public Effect,
     return curves_[static_cast<std::size_t>(points.among.curve)];
   }
   Material Before(const PointSet& points, int q) const;
+  double SquaredRadius(const PointSet& points, int q) const;
   double DensityAt(const PointSet& points, int q) const;
   static void Remember(const PointSet& points, Curve& curve);
 
   const Settings settings_;
+  const InstrumentStack* const stack_;  // null for a lone wire
   std::vector<Curve> curves_;
   std::vector<Material> next_;  // of one curve, while a part ends
   double left_s_ = 0;           // time that no part has simulated yet
