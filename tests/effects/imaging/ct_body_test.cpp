@@ -66,7 +66,7 @@ Differences Compare(const CtBody& body, const Projection& projection, const Chor
   Differences found;
   for (int row = 0; row < kPixels; ++row) {
     for (int column = 0; column < kPixels; ++column) {
-      const Vector3d from = projection.source_mm();
+      const Vector3d& from = projection.source_mm();
       const Vector3d ray = RayOf(projection, column, row);
       const double got = static_cast<double>(plane.At(column, row)) / kWater60;
       const double least = chord(from, ray, -1.5);
