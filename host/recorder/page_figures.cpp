@@ -238,8 +238,7 @@ std::vector<PageRow> PageFigures::Phases() const {
     if (time_s) rows.push_back({name, SecondsText(*time_s)});
   };
   add("Before the first motion", now_.before_motion_s);
-  add(now_.target_s ? "From there to the target" : "From there to the end",
-      now_.on_the_way_s);
+  add(now_.target_s ? "From there to the target" : "From there to the end", now_.on_the_way_s);
   add("After the target", now_.after_target_s);
   if (now_.blind_mm && now_.blind_s) {
     rows.push_back({"Moving without X-ray",

@@ -234,7 +234,8 @@ std::string FormatSummary(const SessionSummary& summary) {
                                  {"reversals", summary.reversals},
                                  {"passed", OrNull(summary.passed)},
                                  {"marks", std::move(marks)}};
-  for (const SummaryFigure& figure : kSummaryFigures) json[figure.name] = OrNull(summary.*figure.value);
+  for (const SummaryFigure& figure : kSummaryFigures)
+    json[figure.name] = OrNull(summary.*figure.value);
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

@@ -46,9 +46,9 @@ struct SessionSummary {
   std::optional<double> before_motion_s;  ///< from the beginning until an instrument first moved
   std::optional<double> on_the_way_s;     ///< from there to the target, or to the end
   std::optional<double> after_target_s;   ///< from the target to the end
-  std::optional<double> tip_path_mm;  ///< from the assessment, otherwise from the course
-  std::int64_t reversals = 0;         ///< of all instruments
-  std::optional<bool> passed;         ///< all pass marks; empty: unknown, or no marks are set
+  std::optional<double> tip_path_mm;      ///< from the assessment, otherwise from the course
+  std::int64_t reversals = 0;             ///< of all instruments
+  std::optional<bool> passed;             ///< all pass marks; empty: unknown, or no marks are set
   std::vector<SummaryMark> marks;
 
   bool operator==(const SessionSummary&) const = default;

@@ -143,8 +143,8 @@ TEST_CASE("Weight and mass of two curves have the gradient of finite differences
   CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
 }
 
-// Integral over the arc length, from a place on, of the squared radius of the outermost one of some
-// instruments of TwoCurves, mm^3.
+// Integral of the squared radius over the arc length from a place on, mm^3. At each place, the
+// radius is that of the outermost of some instruments of TwoCurves.
 double SquaredRadii(const InstrumentPoses& poses, InstrumentStack::Range range, double from_mm) {
   constexpr double kRadii_mm[] = {0.2, 0.5, 0.9};
   double sum = 0;

@@ -43,8 +43,7 @@ TEST_CASE("Page, report and JSON have phases, motion without X-ray, dose rate an
   const SessionSummary summary = Summarize(report);
   // It moves from the first report on, with the pedal up until report 200.
   CHECK(summary.before_motion_s.value() < 0.2);
-  CHECK(summary.on_the_way_s.value() + summary.before_motion_s.value() ==
-        Approx(0.7));
+  CHECK(summary.on_the_way_s.value() + summary.before_motion_s.value() == Approx(0.7));
   CHECK(summary.after_target_s.value() > 0);
   CHECK(summary.blind_mm.value() > 1);
   CHECK(summary.retractions == 2);
