@@ -17,6 +17,7 @@ html_theme = "alabaster"
 html_theme_options = {"page_width": "1200px", "sidebar_width": "260px"}
 # Blocks of code without a language are commands and their output.
 highlight_language = "none"
+html_copy_source = False
 # Recipes have single lines of a file, in which a lexer finds no whole command.
 suppress_warnings = ["misc.highlighting_failure"]
 myst_heading_anchors = 6

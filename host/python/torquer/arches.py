@@ -117,8 +117,8 @@ name = "guidewire"
 max_length_mm = 420
 inserted_at_start_mm = 100
 radius_mm = 0.4445
-tip_mm = 15
-tip_angle_deg = 45
+tip_mm = 25
+tip_angle_deg = 100
 rigidity_N_mm2 = [2, 2, 60]
 from_tip_mm = [0, 20, 100]
 """
