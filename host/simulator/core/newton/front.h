@@ -14,6 +14,7 @@
 #include <array>
 
 #include "host/simulator/core/instrument_pose.h"
+#include "host/simulator/core/pair.h"
 #include "host/simulator/core/stack/between_curves.h"
 #include "host/simulator/core/wire_mechanics.h"
 
@@ -204,46 +205,43 @@ void Front<kRows>::Substitute(const FrontSegment& segment,
                               Couplings<SlotControls(kSpins)>& w) const {
   constexpr int kEta = kAt + 3;
   constexpr int kRoll = kAt + 5;
+  constexpr int kControls = SlotControls(kSpins);
   const double* const frame = segment.frame.data();  // by rows
-  double lever[3][2];
-  for (int d = 0; d < 3; ++d) {
-    for (int a = 0; a < 2; ++a) lever[d][a] = segment.length_mm * frame[2 * d + a];
-  }
-  const auto& q = p;
-  for (int a = 0; a < 2; ++a) {
-    for (int k = 0; k < kColumns; ++k) {
-      w.f[a][k] = lever[0][a] * q[kAt][k] + lever[1][a] * q[kAt + 1][k] +
-                  lever[2][a] * q[kAt + 2][k] + q[kEta + a][k];
+  Pair lever[3];
+  for (int d = 0; d < 3; ++d) lever[d] = Both(segment.length_mm) * Load(&frame[2 * d]);
+  for (int k = 0; k < kColumns; k += 2) {
+    const Pair moved[3] = {Load(&p[kAt][k]), Load(&p[kAt + 1][k]), Load(&p[kAt + 2][k])};
+    for (int a = 0; a < 2; ++a) {
+      Store(Both(lever[0][a]) * moved[0] + Both(lever[1][a]) * moved[1] +
+                Both(lever[2][a]) * moved[2] + Load(&p[kEta + a][k]),
+            &w.f[a][k]);
     }
-    w.c[a] =
-        lever[0][a] * g[kAt] + lever[1][a] * g[kAt + 1] + lever[2][a] * g[kAt + 2] + g[kEta + a];
   }
-  if constexpr (kSpins == 0) {
-    if (segment.turn != nullptr) {
-      for (int a = 0; a < 2; ++a) {
-        const double turn = segment.turn->distal[a];
-        for (int k = 0; k < kColumns; ++k) w.f[a][k] += turn * q[kRoll][k];
-        w.c[a] += turn * g[kRoll];
+  Store(lever[0] * Both(g[kAt]) + lever[1] * Both(g[kAt + 1]) + lever[2] * Both(g[kAt + 2]) +
+            Pair{g[kEta], g[kEta + 1]},
+        w.c);
+  const bool rolls = kSpins == 0 && segment.turn != nullptr;
+  if (rolls) {
+    for (int a = 0; a < 2; ++a) {
+      const double turn = segment.turn->distal[a];
+      for (int k = 0; k < kColumns; k += 2) {
+        Store(Load(&w.f[a][k]) + Both(turn) * Load(&p[kRoll][k]), &w.f[a][k]);
       }
+      w.c[a] += turn * g[kRoll];
     }
   }
   for (int k = 0; k < kSpins; ++k) {
-    for (int m = 0; m < kColumns; ++m) w.f[2 + k][m] = q[kRoll + k][m];
+    for (int m = 0; m < kColumns; m += 2) Store(Load(&p[kRoll + k][m]), &w.f[2 + k][m]);
     w.c[2 + k] = g[kRoll + k];
   }
-  for (int a = 0; a < SlotControls(kSpins); ++a) {
-    for (int b = 0; b < 2; ++b) {
-      w.s[a][b] = lever[0][b] * w.f[a][kAt] + lever[1][b] * w.f[a][kAt + 1] +
-                  lever[2][b] * w.f[a][kAt + 2] + w.f[a][kEta + b];
-    }
-    for (int k = 0; k < kSpins; ++k) w.s[a][2 + k] = w.f[a][kRoll + k];
-  }
-  if constexpr (kSpins == 0) {
-    if (segment.turn != nullptr) {
-      for (int a = 0; a < 2; ++a) {
-        for (int b = 0; b < 2; ++b) w.s[a][b] += segment.turn->distal[b] * w.f[a][kRoll];
-      }
-    }
+  for (int a = 0; a < kControls; ++a) {
+    const double* const f = w.f[a];
+    Store(lever[0] * Both(f[kAt]) + lever[1] * Both(f[kAt + 1]) + lever[2] * Both(f[kAt + 2]) +
+              Pair{f[kEta], f[kEta + 1]},
+          w.s[a]);
+    for (int k = 0; k < kSpins; ++k) w.s[a][2 + k] = f[kRoll + k];
+    if (!rolls) continue;
+    for (int b = 0; b < 2; ++b) w.s[a][b] += segment.turn->distal[b] * f[kRoll];
   }
 }
 
@@ -333,9 +331,15 @@ void Front<kRows>::AddSpins(const FrontSegment& segment, Couplings<SlotControls(
   constexpr int kEta = kAt + 3;
   constexpr int kRoll = kAt + 5;
   const StackTerms& spins = *segment.spins;
+  // Reads these values before it writes p and g. Otherwise the compiled code tests if they overlap.
+  double rest[kSpins][kSpins];
+  double with_step[kSpins][2];
+  double gradient[kSpins];
   for (int k = 0; k < kSpins; ++k) {
+    gradient[k] = spins.gradient_proximal[k];
+    for (int a = 0; a < 2; ++a) with_step[k][a] = spins.proximal_proximal(k, a);
+    for (int m = 0; m < kSpins; ++m) rest[k][m] = spins.hessian_proximal(k, m);
     w.c[2 + k] += spins.gradient_distal[k];
-    g[kRoll + k] += spins.gradient_proximal[k];
     w.s[2 + k][2 + k] += segment.spin_weight_mJ[k];
     w.f[2 + k][kRoll + k] += spins.hessian_cross[k];
     for (int d = 0; d < 3; ++d) w.f[2 + k][kAt + d] += spins.distal_displacement(k, d);
@@ -343,13 +347,16 @@ void Front<kRows>::AddSpins(const FrontSegment& segment, Couplings<SlotControls(
       w.s[2 + k][a] += spins.distal_distal(k, a);
       w.f[2 + k][kEta + a] += spins.distal_proximal(k, a);
       w.f[a][kRoll + k] += spins.proximal_distal(k, a);
-      p[kRoll + k][kEta + a] += spins.proximal_proximal(k, a);
-      p[kEta + a][kRoll + k] += spins.proximal_proximal(k, a);
     }
-    for (int m = 0; m < kSpins; ++m) {
-      w.s[2 + k][2 + m] += spins.hessian_distal(k, m);
-      p[kRoll + k][kRoll + m] += spins.hessian_proximal(k, m);
+    for (int m = 0; m < kSpins; ++m) w.s[2 + k][2 + m] += spins.hessian_distal(k, m);
+  }
+  for (int k = 0; k < kSpins; ++k) {
+    g[kRoll + k] += gradient[k];
+    for (int a = 0; a < 2; ++a) {
+      p[kRoll + k][kEta + a] += with_step[k][a];
+      p[kEta + a][kRoll + k] += with_step[k][a];
     }
+    for (int m = 0; m < kSpins; ++m) p[kRoll + k][kRoll + m] += rest[k][m];
   }
 }
 
@@ -377,41 +384,51 @@ void Front<kRows>::Invert(const double (&s)[kControls][kControls], const double 
 template <int kRows>
 template <int kControls>
 bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain, PivotInverse* inverse) {
-  alignas(16) double solved[kControls][kColumns];
+  constexpr int kPairs = kColumns / 2;
+  Pair solved[kControls][kPairs];
   double scale[kControls];
   for (int k = 0; k < kControls; ++k) {
+    Pair row[kPairs];
+    for (int r = 0; r < kPairs; ++r) row[r] = Load(&w.f[k][2 * r]);
     double pivot = w.s[k][k];
     for (int m = 0; m < k; ++m) {
       const double factor = w.s[k][m] * scale[m];
       pivot -= factor * w.s[k][m];
       for (int r = k + 1; r < kControls; ++r) w.s[r][k] -= factor * w.s[r][m];
-      for (int r = 0; r < kColumns; ++r) w.f[k][r] -= factor * w.f[m][r];
+      for (int r = 0; r < kPairs; ++r) row[r] -= Both(factor) * Load(&w.f[m][2 * r]);
       w.c[k] -= factor * w.c[m];
     }
     // A relative test: it rejects a pivot that is zero up to rounding.
     if (!(w.s[k][k] > 0) || !(pivot > 1e-12 * w.s[k][k])) return false;
     scale[k] = 1 / pivot;
-    for (int r = 0; r < kColumns; ++r) solved[k][r] = scale[k] * w.f[k][r];
+    for (int r = 0; r < kPairs; ++r) {
+      Store(row[r], &w.f[k][2 * r]);
+      solved[k][r] = Both(scale[k]) * row[r];
+    }
     gain.constant[k] = scale[k] * w.c[k];
     decrease_mJ += w.c[k] * gain.constant[k] / 2;
   }
   // Updates the whole matrix, not only its upper half: g++ 12 miscompiles the copy from one half to
   // the other.
   for (int r = 0; r < kRows; ++r) {
-    for (int m = 0; m < kColumns; ++m) {
-      double sum = w.f[0][r] * solved[0][m];
-      for (int k = 1; k < kControls; ++k) sum += w.f[k][r] * solved[k][m];
-      p[r][m] -= sum;
+    for (int m = 0; m < kPairs; ++m) {
+      Pair sum = Both(w.f[0][r]) * solved[0][m];
+      for (int k = 1; k < kControls; ++k) sum += Both(w.f[k][r]) * solved[k][m];
+      Store(Load(&p[r][2 * m]) - sum, &p[r][2 * m]);
     }
-    for (int k = 0; k < kControls; ++k) g[r] -= w.f[k][r] * gain.constant[k];
+  }
+  for (int r = 0; r < kColumns; r += 2) {
+    Pair left = Load(&g[r]);
+    for (int k = 0; k < kControls; ++k) left -= Load(&w.f[k][r]) * Both(gain.constant[k]);
+    Store(left, &g[r]);
   }
   for (int k = kControls - 1; k >= 0; --k) {
     for (int m = k + 1; m < kControls; ++m) {
       const double factor = w.s[m][k] * scale[k];
-      for (int r = 0; r < kColumns; ++r) solved[k][r] -= factor * solved[m][r];
+      for (int r = 0; r < kPairs; ++r) solved[k][r] -= Both(factor) * solved[m][r];
       gain.constant[k] -= factor * gain.constant[m];
     }
-    for (int r = 0; r < kRows; ++r) gain.of_slots[k][r] = solved[k][r];
+    for (int r = 0; r < kPairs; ++r) Store(solved[k][r], &gain.of_slots[k][2 * r]);
   }
   if (inverse != nullptr) Invert<kControls>(w.s, scale, *inverse);
   return true;
