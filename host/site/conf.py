@@ -14,7 +14,7 @@ exclude_patterns = ["**/node_modules", "host/site", "**/experts"]
 templates_path = ["."]
 html_additional_pages = {"index": "start_page.html"}
 html_theme = "alabaster"
-html_theme_options = {"page_width": "1200px", "sidebar_width": "260px"}
+html_theme_options = {"page_width": "min(1200px, 100%)", "sidebar_width": "260px"}
 # Blocks of code without a language are commands and their output.
 highlight_language = "none"
 html_copy_source = False
