@@ -178,7 +178,8 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
   const WireState& state = impl_->simulation.state();
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;
-  TakeNodes(impl_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm, part);
+  TakeNodes(impl_->lent->stack().instrument(k), state.CurveOf(k), state.poses()[k].insertion_mm,
+            part);
   std::vector<Point> nodes;
   nodes.reserve(part.size());
   for (const Eigen::Vector3d& node : part) nodes.push_back(ToPoint(node));
@@ -192,8 +193,8 @@ std::vector<InstrumentState> Simulation::instruments() const {
   const InstrumentPoses& carried = simulation.report().carried;
   std::vector<InstrumentState> all;
   for (int k = 0; k < poses.size(); ++k) {
-    const Eigen::Vector3d tip =
-        PointAt(impl_->lent->rod(), simulation.state().CurveOf(k), poses[k].insertion_mm);
+    const Eigen::Vector3d tip = PointAt(impl_->lent->stack().instrument(k),
+                                        simulation.state().CurveOf(k), poses[k].insertion_mm);
     all.push_back({.hand = {poses[k].insertion_mm, poses[k].rotation_rad},
                    .carried = {carried[k].insertion_mm, carried[k].rotation_rad},
                    .tip_mm = ToPoint(tip)});
@@ -245,7 +246,8 @@ std::vector<Contact> Simulation::InstrumentContacts(std::size_t instrument) cons
   CheckInstrument(instrument, impl_->scene);
   const WireState& state = impl_->simulation.state();
   const int k = static_cast<int>(instrument);
-  const int last = NodesBefore(impl_->lent->rod(), state.CurveOf(k), state.poses()[k].insertion_mm);
+  const int last = NodesBefore(impl_->lent->stack().instrument(k), state.CurveOf(k),
+                               state.poses()[k].insertion_mm);
   std::vector<Contact> all;
   const auto add = [&](int node, double penetration_mm) {
     // Beyond its tip the curve has another instrument.

@@ -60,7 +60,7 @@ std::string Explain(scene::Scene& scene) {
   }
   out += fmt::format("  method: {}, segments of {:.4g} mm, at most {:.4g} us a tick\n",
                      scene.method() == scene::Method::kNewton ? "newton" : "paper",
-                     scene.rod().segment_mm(), scene.budget_us());
+                     scene.stack().empty_rod().segment_mm(), scene.budget_us());
   out += "  simulated:";
   if (spec.effects.empty()) out += " the instruments and the wall, no effect";
   std::vector<std::string> off;

@@ -23,7 +23,7 @@ torquer_lcm::scene_description_t Describe(const scene::Scene& scene) {
   out.method = scene.method() == scene::Method::kPaper ? "paper" : "newton";
   out.effects = scene.effect_names();
   out.effect_count = static_cast<std::int32_t>(out.effects.size());
-  out.segment_mm = scene.rod().segment_mm();
+  out.segment_mm = scene.stack().empty_rod().segment_mm();
   const InstrumentPoses start = scene.start();
   for (int k = 0; k < start.size(); ++k) {
     const effects::Instrument& instrument = scene.instruments()[static_cast<std::size_t>(k)];
@@ -36,8 +36,8 @@ torquer_lcm::scene_description_t Describe(const scene::Scene& scene) {
   out.instrument_count = start.size();
   Copy(scene.vessel().bounds_mm.min(), out.bounds_min_mm);
   Copy(scene.vessel().bounds_mm.max(), out.bounds_max_mm);
-  Copy(scene.rod().sheath().point_mm, out.entry_point_mm);
-  Copy(scene.rod().sheath().direction, out.entry_direction);
+  Copy(scene.stack().empty_rod().sheath().point_mm, out.entry_point_mm);
+  Copy(scene.stack().empty_rod().sheath().direction, out.entry_direction);
   Copy(scene.axes().left, out.left);
   Copy(scene.axes().posterior, out.posterior);
   Copy(scene.axes().superior, out.superior);

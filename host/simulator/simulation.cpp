@@ -82,7 +82,7 @@ Simulation::Simulation(scene::Scene& scene, EffectPrices* prices)
         return prices == nullptr ? term : prices->Watch(effect, term);
       })),
       prices_(prices),
-      state_(scene.rod(), scene.stack().size()) {
+      state_(scene.stack().empty_rod(), scene.stack().size()) {
   FindRoles();
   Restart();
 }
@@ -90,7 +90,7 @@ Simulation::Simulation(scene::Scene& scene, EffectPrices* prices)
 Simulation::Simulation(scene::Scene& scene, const Simulation& twin)
     : scene_(scene),
       relaxation_(scene.MakeRelaxation()),
-      state_(scene.rod(), scene.stack().size()) {
+      state_(scene.stack().empty_rod(), scene.stack().size()) {
   FindRoles();
   CopyFrom(twin);
 }
@@ -217,7 +217,8 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
                                .target = target_,
                                .state = state_,
                                .quadratic = relaxation_->Current(),
-                               .report = report_};
+                               .report = report_,
+                               .rods = &relaxation_->rods()};
   for (const auto& [evolution, effect] : evolutions_) {
     Priced(effect, [&, role = evolution] { role->Advance(tick); });
   }
@@ -294,7 +295,7 @@ void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
     instrument.carried_mm =
         target_[k].insertion_mm - (curve.segments() > 0 ? poses[k].insertion_mm : 0);
     instrument.carried_rad = target_[k].rotation_rad - poses[k].rotation_rad;
-    const Eigen::Vector3d tip = PointAt(scene_.rod(), curve, poses[k].insertion_mm);
+    const Eigen::Vector3d tip = PointAt(scene_.stack().instrument(k), curve, poses[k].insertion_mm);
     for (int axis = 0; axis < 3; ++axis) instrument.tip_mm[axis] = tip[axis];
     DescribeOwnNodes(k, instrument);
   }
@@ -306,12 +307,12 @@ void Simulation::DescribeOwnNodes(int k, torquer_lcm::instrument_state_t& out) c
   const Curve& curve = state_.CurveOf(k);
   if (&curve != &state_.curve(0)) {
     const double insertion_mm = state_.poses()[k].insertion_mm;
-    const int n = NodesBefore(scene_.rod(), curve, insertion_mm);
+    const int n = NodesBefore(scene_.stack().instrument(k), curve, insertion_mm);
     const int stride = n / kMostOwnNodesInMessage + 1;
     for (int i = 0; i < n; i += stride) {
       out.nodes_mm.push_back(Rounded(curve.nodes()[static_cast<std::size_t>(i)]));
     }
-    out.nodes_mm.push_back(Rounded(PointAt(scene_.rod(), curve, insertion_mm)));
+    out.nodes_mm.push_back(Rounded(PointAt(scene_.stack().instrument(k), curve, insertion_mm)));
   }
   out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
 }

@@ -78,7 +78,7 @@ class SceneRun {
       Feed(std::min(0.5, insertion_mm - target_[0].insertion_mm));
     }
   }
-  double segment_mm() const { return scene_.rod().segment_mm(); }
+  double segment_mm() const { return scene_.stack().empty_rod().segment_mm(); }
 
  private:
   scene::Scene scene_;

@@ -17,7 +17,7 @@ namespace torquer::test {
 namespace {
 
 effects::EffectContext ContextOf(const InstrumentStack& stack, const WallModel& wall) {
-  effects::EffectContext context{stack.rod(), wall};
+  effects::EffectContext context{stack.empty_rod(), wall};
   context.instruments.resize(static_cast<std::size_t>(stack.size()));
   context.stack = &stack;
   return context;
@@ -169,7 +169,7 @@ struct RubbingBall {
               {.touches_itself = true, .stiffness_N_mm2 = 0.05}),
         friction(0.2, 0.005, ContextOf(stack, wall)),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-6}, terms)),
-        state(stack.rod(), 1) {
+        state(stack.empty_rod(), 1) {
     relaxation->Restart(state);
   }
   TickReport Feed(int k, int iterations) {

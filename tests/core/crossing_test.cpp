@@ -99,12 +99,12 @@ TEST_CASE("A wire that crosses another one again and again is paired with it eac
   DenseCurves curves(wires, {.is_beside = {false, true}, .stiffness_N_mm2 = 2e-3}, NoVessel(),
                      {.stiffness_N_mm2 = 2e-3, .points_per_segment = 2});
   const InstrumentPoses poses{{41, 0}, {40, 0}};
-  curves.stack.Combine(poses);
+  curves.rods.Combine(poses);
   curves.state = WireState::Along(curves.model, way, poses);
-  LayCurves(curves.stack, curves.state);
+  LayCurves(curves.rods, curves.state);
   for (int c = 0; c < 2; ++c) curves.mechanics.points(c).UpdateRadii();
   curves.state.curve(1) = [&] {
-    WireState straight = WireState::Along(curves.stack.rod(1), {}, {40, 0});
+    WireState straight = WireState::Along(curves.rods[1], {}, {40, 0});
     return Curve(straight);
   }();
   curves.Build();
@@ -130,7 +130,7 @@ struct FilledBall {
   std::vector<EnergyTerm*> none;
   std::unique_ptr<Relaxation> relaxation =
       MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-6}, none);
-  WireState state{stack.rod(), 1};
+  WireState state{stack.empty_rod(), 1};
 
   FilledBall() { relaxation->Restart(state); }
 };

@@ -408,14 +408,14 @@ TEST_CASE("A motion with friction in any budgets is the same to the bit, without
     std::mt19937 random(static_cast<unsigned>(seed));
     std::mt19937 random_units(5);
     InstrumentStack stack(instruments);
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(instruments.size());
     context.stack = &stack;
     effects::Friction friction(0.2, 0.005, context);
     effects::FrictionBetween between(0.1, 0.005, context);
     const std::vector<EnergyTerm*> terms = {&friction, &between};
     const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, NewtonSettings(), terms);
-    WireState state(stack.rod(), stack.size());
+    WireState state(stack.empty_rod(), stack.size());
     relaxation->Restart(state);
     std::vector<std::uint64_t> hashes;
     hashes.reserve(3);

@@ -79,7 +79,7 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   InternalForces forces;
   FindInternalForces(model, state, relaxation->Current(), terms, forces);
   HandForces hands;
-  hands.Find(InstrumentStack(model), state, relaxation->Current(), forces, {});
+  hands.Find(relaxation->rods(), state, relaxation->Current(), forces, {});
   const double torque_mJ = kRadius * std::sin(std::atan(mu)) * 60 * 1e-3;
   CHECK(hands.hands()[0].torque_mJ == Approx(-torque_mJ).epsilon(0.03));
   CHECK(forces.twisting_mJ[30] == Approx(torque_mJ / 2).epsilon(0.03));
@@ -103,24 +103,23 @@ std::vector<double> TorquesOfTurned(const std::vector<double>& radii_mm, double 
   const WallModel wall{.stiffness_N_mm2 = 10};
   InstrumentPoses poses(stack.size());
   for (int k = 0; k < stack.size(); ++k) poses[k].insertion_mm = 60;
-  stack.Combine(poses);
   effects::Friction friction(mu, 0.001,
-                             {.wire = stack.rod(),
+                             {.wire = stack.empty_rod(),
                               .wall = wall,
                               .instruments = std::vector<effects::Instrument>(radii_mm.size())});
   Weight weight;
   const std::vector<EnergyTerm*> terms{&friction, &weight};
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
-  WireState state = WireState::Along(stack.rod(), {Vector3d(100, 0, 0.4 - kBore)}, poses);
+  WireState state = WireState::Along(stack.empty_rod(), {Vector3d(100, 0, 0.4 - kBore)}, poses);
   relaxation->Restart(state);
   for (int turn = 0; turn < 700; ++turn) {
     for (int k = 0; k < stack.size(); ++k) poses[k].rotation_rad -= 0.02;
     REQUIRE(Settle(*relaxation, poses, state, 50).converged);
   }
   InternalForces forces;
-  FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
+  FindInternalForces(relaxation->rods()[0], state, relaxation->Current(), terms, forces);
   HandForces hands;
-  hands.Find(stack, state, relaxation->Current(), forces, {});
+  hands.Find(relaxation->rods(), state, relaxation->Current(), forces, {});
   std::vector<double> torques_mJ;
   for (int k = 0; k < stack.size(); ++k) {
     torques_mJ.push_back(hands.hands()[static_cast<std::size_t>(k)].torque_mJ);

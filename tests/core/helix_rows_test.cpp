@@ -37,7 +37,7 @@ struct Screwed {
     return instruments;
   }
   effects::EffectContext Context() const {
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(static_cast<std::size_t>(stack.size()));
     return context;
   }
@@ -45,7 +45,7 @@ struct Screwed {
       : stack(Instruments(count)),
         friction(0.2, 0.005, Context()),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {}, terms)),
-        state(stack.rod(), count) {
+        state(stack.empty_rod(), count) {
     relaxation->Restart(state);
     InstrumentPoses start(count);
     for (int k = 0; k < count; ++k) start[k].insertion_mm = 20 - 5.0 * k;

@@ -214,7 +214,7 @@ TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of fric
   const double gj = GENERATE(0.0, PulledWire::kGj);
   PulledWire wire({.room_mm = 0.1, .gj_N_mm2 = gj});
   wire.Go(0, 2 * way, 20);
-  const Vector3d center = PulledWire::kRing * wire.stack.rod().sheath_normal();
+  const Vector3d center = PulledWire::kRing * wire.stack.empty_rod().sheath_normal();
   const Curve& lumen = wire.state.curve(1);
   const std::size_t middle = lumen.nodes().size() / 2;
   const Vector3d& tangent = lumen.tangents()[middle];
@@ -230,7 +230,7 @@ TEST_CASE("Surfaces turned by hands slide by their radii, lumen and wire in one 
       {MakeWire({}), MakeWire({.radius_mm = 0.6})},
       {.has_room = {false, true}, .lumen_radius_mm = {0, 0.5}, .stiffness_N_mm2 = 1});
   const WallModel wall;
-  effects::EffectContext context{stack.rod(), wall};
+  effects::EffectContext context{stack.empty_rod(), wall};
   context.stack = &stack;
   effects::LumenFriction friction(0.2, 0.01, context);
   PointSet points;

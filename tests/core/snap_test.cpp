@@ -12,7 +12,7 @@ namespace {
 // Relaxation that moves the tip of one curve aside in its only attempt.
 class TipAside final : public Relaxation {
  public:
-  TipAside(InstrumentStack& stack, int curve, double aside_mm)
+  TipAside(const InstrumentStack& stack, int curve, double aside_mm)
       : Relaxation(stack), curve_(curve), aside_mm_(aside_mm) {}
   void Restart(WireState&) override {}
   void CopyFrom(const Relaxation&, const WireState&) override {}
@@ -31,10 +31,10 @@ class TipAside final : public Relaxation {
     done_ = true;
     Curve& curve = state.curve(curve_);
     const Vector3d& tangent = curve.tangents().back();
-    const double length_mm = stack().rod(curve_).segment_mm();
+    const double length_mm = stack().empty_rod(curve_).segment_mm();
     const double angle_rad = 2 * std::asin(aside_mm_ / length_mm / 2);
     const Eigen::AngleAxisd turn(angle_rad, curve.normals().back());
-    curve.TurnDistal(stack().rod(curve_), {turn * tangent});
+    curve.TurnDistal(stack().empty_rod(curve_), {turn * tangent});
   }
   void End(const WireState&, bool, TickReport&) override {}
 

@@ -84,7 +84,7 @@ struct DrawnThrough {
     return both;
   }
   effects::EffectContext Context() const {
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(2);
     return context;
   }
@@ -95,7 +95,7 @@ struct DrawnThrough {
         friction(mu, 0.005, Context()),
         pull(in.pull_N),
         relaxation(MakeNewtonRelaxation(stack, in.field, wall, {}, terms)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
     DrawTo(0);
   }
@@ -119,7 +119,8 @@ struct DrawnThrough {
   }
   std::vector<Vector3d> Catheter() const {
     std::vector<Vector3d> places;
-    for (int s = 1; s <= course.inside_mm; ++s) places.push_back(PointAt(stack.rod(), state, s));
+    for (int s = 1; s <= course.inside_mm; ++s)
+      places.push_back(PointAt(stack.empty_rod(), state, s));
     return places;
   }
 };

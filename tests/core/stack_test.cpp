@@ -20,7 +20,8 @@ struct Arcs : FreeStack {
   Vector3d CurvatureAt(double s_mm) const {
     const int n = state.segments();
     const int joint =
-        n - static_cast<int>(std::lround((state.ArcLength(stack.rod()) - s_mm) / kArcSegmentMm));
+        n -
+        static_cast<int>(std::lround((state.ArcLength(stack.empty_rod()) - s_mm) / kArcSegmentMm));
     const auto k = static_cast<std::size_t>(joint);
     return (state.tangents()[k] - state.tangents()[k - 1]) / kArcSegmentMm;
   }
@@ -92,9 +93,9 @@ TEST_CASE("Two instruments with flush tips press on a wall as one with both rigi
   const WallModel wall;
   EndForce force(Vector3d(0, -0.02, 0));
   const std::vector<EnergyTerm*> terms{&force};
-  const auto pressed = [&](InstrumentStack& stack, const InstrumentPoses& at) {
+  const auto pressed = [&](const InstrumentStack& stack, const InstrumentPoses& at) {
     const auto relaxation = MakeNewtonRelaxation(stack, floor, wall, {.tolerance = 1e-9}, terms);
-    WireState state(stack.rod(), stack.size());
+    WireState state(stack.empty_rod(), stack.size());
     relaxation->Restart(state);
     REQUIRE(Settle(*relaxation, at, state, 400).converged);
     return state;
@@ -116,13 +117,14 @@ TEST_CASE("An instrument that ends at the sheath has no part in the shape") {
   // The bend of the first joint is a mean of the curvature. Its weight falls from 1 at the sheath
   // to 0 at the next joint. A catheter that covers the part d/l of this length has (d/l)(2 - d/l)
   // of the weight.
-  InstrumentStack stack({Arc(1, 0, 0.2), Arc(9, 0, 0.6)});
+  const InstrumentStack stack({Arc(1, 0, 0.2), Arc(9, 0, 0.6)});
+  CombinedRods rods(stack);
   for (const double part : {0.0, 0.1, 0.5, 1.0}) {
     CAPTURE(part);
-    stack.Combine({{60, 0}, {part * kArcSegmentMm, 0}});
+    rods.Combine({{60, 0}, {part * kArcSegmentMm, 0}});
     const double weight = part * (2 - part);
     const int first_joint = static_cast<int>(std::lround(60 / kArcSegmentMm));
-    CHECK(stack.rod().rigidity_N_mm2(first_joint) ==
+    CHECK(rods[0].rigidity_N_mm2(first_joint) ==
           Approx(1 / (1 - weight + weight / 10)).epsilon(1e-12));
   }
 }
@@ -130,7 +132,7 @@ TEST_CASE("An instrument that ends at the sheath has no part in the shape") {
 TEST_CASE("The wall sees the outermost instrument that is there") {
   Arcs all({Arc(2, 0, 0.2), Arc(3, 0, 0.6), Arc(7, 0, 0.9)});
   all.MoveTo({{40, 0}, {20, 0}, {10, 0}});
-  const WireModel& rod = all.stack.rod();
+  const WireModel& rod = all.relaxation->rods()[0];
   CHECK(rod.radius_mm(0) == 0.2);
   CHECK(rod.radius_mm(55) == 0.6);
   CHECK(rod.radius_mm(79) == 0.9);
@@ -171,8 +173,7 @@ TEST_CASE("The surface of each instrument moves with that instrument, for any le
   const FreeSpace field;
   const WallModel wall;  // two contact points a segment of 0.5 mm
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
-  stack.Combine({{40, 0}, {25, 0}});
-  WireState state = WireState::Along(stack.rod(), {}, {{40, 0}, {25, 0}});
+  WireState state = WireState::Along(stack.empty_rod(), {}, {{40, 0}, {25, 0}});
   relaxation->Restart(state);
   const auto slid = [&](const InstrumentPoses& target, std::size_t instrument) {
     recorder.slid_mm = {};
@@ -225,7 +226,7 @@ TEST_CASE("Any budget leaves a whole rod and no heap, and the same work gives th
   }
   CHECK(HashState(a.state) == HashState(b.state));
   a.MoveTo(target(150));
-  CHECK(a.state.ArcLength(a.stack.rod()) == Approx(45));
+  CHECK(a.state.ArcLength(a.stack.empty_rod()) == Approx(45));
 }
 
 TEST_CASE("Instruments that do not fit together are refused") {

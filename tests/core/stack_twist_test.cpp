@@ -45,8 +45,9 @@ TEST_CASE("Instruments bend each other at a joint whose own rest angles cancel")
   const double catheter_curvature = GENERATE(0.05, 0.0);
   FreeStack both({DoubleCurve(1, 0.1, 4), DoubleCurve(2, catheter_curvature, 4)});
   const InstrumentPoses poses{{8, 0.3}, {8, 1.7}};
-  both.stack.Combine(poses);
-  const WireModel& model = both.stack.rod();
+  CombinedRods rods(both.stack);
+  rods.Combine(poses);
+  const WireModel& model = rods[0];
   REQUIRE(model.twisting_joint(4).of[0].bend_rad.norm() < 1e-6);
   const FreeSpace field;
   const WallModel wall;
@@ -239,9 +240,10 @@ TEST_CASE("The turn of an instrument is part of a state's hash") {
 TEST_CASE("Feeding keeps the twist of each instrument while segments split and join") {
   const auto make = [](double ratio) { return TwistingArc(2, 0, ratio, 1); };
   InstrumentStack stack({make(1), make(0.5)});
-  const WireModel& model = stack.rod();
+  CombinedRods rods(stack);
+  const WireModel& model = rods[0];
   const InstrumentPoses poses{{12.3, 0}, {12.3, 0}};
-  stack.Combine(poses);
+  rods.Combine(poses);
   WireState state = WireState::Along(model, {}, poses);
   const double rate[2] = {0.05, -0.03};  // rad/mm
   Eigen::VectorXd x(4 * state.segments());

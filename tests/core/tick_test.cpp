@@ -54,10 +54,11 @@ InstrumentPoses RandomTarget(int count, Random& random) {
 // part in the tick.
 double Residual(const std::vector<WireModel>& instruments, const ClearanceField& field,
                 const WallModel& wall, const WireState& state) {
-  InstrumentStack stack(instruments);
-  stack.Combine(state.poses());
+  const InstrumentStack stack(instruments);
+  CombinedRods rods(stack);
+  rods.Combine(state.poses());
   const std::vector<EnergyTerm*> none;
-  WireMechanics mechanics(stack.rod(), field, wall, none);
+  WireMechanics mechanics(rods[0], field, wall, none);
   mechanics.points().SampleStiffness(state);
   QuadraticModel at = mechanics.MakeQuadraticModel();
   mechanics.BuildModel(state, at);
@@ -74,7 +75,7 @@ struct Tester {
   void Check(const InstrumentPoses& target, int units, const TickReport& report,
              const InstrumentStack& stack, const WireState& state) const {
     REQUIRE(report.work <= units);
-    REQUIRE_THAT(BrokenGeometry(stack.rod(), state), Catch::Equals(""));
+    REQUIRE_THAT(BrokenGeometry(stack.empty_rod(), state), Catch::Equals(""));
     REQUIRE(report.carried.size() == target.size());
     double reach_mm = 0;
     for (int k = 0; k < target.size(); ++k) {
@@ -88,7 +89,7 @@ struct Tester {
       reach_mm = std::max(reach_mm, state.poses()[k].insertion_mm);
     }
     // The curve must reach as far as the reported poses.
-    if (state.segments() > 0) REQUIRE(state.ArcLength(stack.rod()) == Approx(reach_mm));
+    if (state.segments() > 0) REQUIRE(state.ArcLength(stack.empty_rod()) == Approx(reach_mm));
     if (target.size() == 1) REQUIRE(state.rotation_rad() == state.poses()[0].rotation_rad);
     if (!report.budget_spent && !whole_segments) REQUIRE(report.arrived());
     // A tick that ends unconverged must report the reason.
@@ -118,7 +119,7 @@ TEST_CASE(
   const std::vector<EnergyTerm*> none;
   InstrumentStack stack(tester.instruments);
   const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, settings, none);
-  WireState state(stack.rod(), stack.size());
+  WireState state(stack.empty_rod(), stack.size());
   relaxation->Restart(state);
   for (int round = 0; round < 8; ++round) {
     const InstrumentPoses target = RandomTarget(stack.size(), random);
@@ -179,7 +180,7 @@ TEST_CASE("A turn of 3 rad ends with a budget of 8 units, and 30 mm are not slid
   const WallModel wall{.stiffness_N_mm2 = 0.05};
   const std::vector<EnergyTerm*> none;
   const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, {}, none);
-  WireState state(stack.rod(), 2);
+  WireState state(stack.empty_rod(), 2);
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, {{60, 0}, {10, 0}}, state, 100).converged);
   CountedBudget eight(8);

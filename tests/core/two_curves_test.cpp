@@ -112,7 +112,7 @@ struct LooseArcs {
                .lumen_radius_mm = {0, 0.2 + room_mm},
                .stiffness_N_mm2 = 200}),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
   }
 };
@@ -152,7 +152,7 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
   for (std::size_t i = 0; i < outer.tangents().size(); ++i) {
     frames.push_back(TangentFrame(outer.tangents()[i], outer.normals()[i]));
   }
-  other.curve(1).Step(a.stack.rod(1), outer, frames,
+  other.curve(1).Step(a.stack.empty_rod(1), outer, frames,
                       std::vector<Vector2d>(frames.size(), Vector2d(1e-12, 0)),
                       std::vector<double>(frames.size(), 0), 1);
   CHECK(HashState(other) != HashState(a.state));

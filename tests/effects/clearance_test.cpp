@@ -100,9 +100,9 @@ TEST_CASE("Tips with room are on their own curves, and readings show their posit
   CHECK((tip(0) - state.tip()).norm() < 1e-9);
   // The catheter's mouth is on its own curve; the wire passes through it off center.
   const double arc_mm = state.poses()[1].insertion_mm;
-  const Eigen::Vector3d mouth = PointAt(scene.rod(), state.curve(1), arc_mm);
+  const Eigen::Vector3d mouth = PointAt(scene.stack().empty_rod(), state.curve(1), arc_mm);
   CHECK((tip(1) - mouth).norm() < 1e-9);
-  const double off_mm = (mouth - PointAt(scene.rod(), state, arc_mm)).norm();
+  const double off_mm = (mouth - PointAt(scene.stack().empty_rod(), state, arc_mm)).norm();
   double sum_mN = 0;
   double end_mN = 0;
   double offset_mm = 0;

@@ -86,7 +86,7 @@ TEST_CASE("Each instrument of a scene starts, moves and is reported by its name"
     INFO(instrument.name);
     const Eigen::Vector3d tip(instrument.tip_mm[0], instrument.tip_mm[1], instrument.tip_mm[2]);
     const Eigen::Vector3d on_curve =
-        PointAt(scene.rod(), simulation.state(), instrument.insertion_mm);
+        PointAt(scene.stack().empty_rod(), simulation.state(), instrument.insertion_mm);
     CHECK((tip - on_curve).norm() < 1e-9);
   }
   // Targets out of range stop at the entry and at the instrument's length.

@@ -41,9 +41,9 @@ struct Apart {
         gravity(std::make_unique<effects::Gravity>(
             std::vector<Vector3d>{{0, -weights_N_mm[0], 0}, {0, -weights_N_mm[1], 0}})),
         terms{gravity.get()},
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     if (step_s > 0) {
-      effects::EffectContext context{stack.rod(), wall};
+      effects::EffectContext context{stack.empty_rod(), wall};
       context.stack = &stack;
       inertia = std::make_unique<effects::Inertia>(
           effects::Inertia::Settings{.linear_density_g_m = {0.7, 2}}, context);
@@ -93,7 +93,8 @@ TEST_CASE("Instruments that do not touch hang as each does alone, for any leader
     CAPTURE(poses[0].insertion_mm, k);
     Lone alone(k, weights_N_mm[static_cast<std::size_t>(k)]);
     REQUIRE(Settle(*alone.relaxation, {poses[k].insertion_mm, 0}, alone.state).converged);
-    const Vector3d tip = PointAt(both.stack.rod(k), both.state.curve(k), poses[k].insertion_mm);
+    const Vector3d tip =
+        PointAt(both.stack.empty_rod(k), both.state.curve(k), poses[k].insertion_mm);
     const double sunk_mm = -alone.state.tip()[1];
     CHECK(sunk_mm > 1);
     CHECK(-tip[1] == Approx(sunk_mm).epsilon(2e-3));
@@ -228,7 +229,8 @@ TEST_CASE("Instruments that do not touch swing as each does alone, for any leade
     move(*both.inertia, *both.relaxation, poses, both.state);
     for (int k = 0; k < 2; ++k) {
       move(*alone[k].inertia, *alone[k].relaxation, {poses[k].insertion_mm, 0}, alone[k].state);
-      const Vector3d tip = PointAt(both.stack.rod(k), both.state.curve(k), poses[k].insertion_mm);
+      const Vector3d tip =
+          PointAt(both.stack.empty_rod(k), both.state.curve(k), poses[k].insertion_mm);
       CAPTURE(wire_leads, tick, k);
       REQUIRE((tip - alone[k].state.tip()).norm() < 0.05);
       farthest_mm = std::max(farthest_mm, -tip[1]);

@@ -128,7 +128,7 @@ TEST_CASE("A scene's wire is the one of its sections") {
                    "from_tip_mm = [0, 10, 10, 50]\nrigidity_N_mm2 = [1, 1, 5, 45]\n"
                    "radius_mm = [0.1, 0.1, 0.2, 0.3]\ncurvature_1_per_mm = [0.05, 0.05, 0, 0]\n"
                    "curvature_2_per_mm = [0, 0.02, 0, 0]\n"));
-  const WireModel& wire = scene.rod();
+  const WireModel& wire = scene.stack().empty_rod();
   CHECK(SectionAt(wire.sections(), 5).rigidity_N_mm2 == Approx(1));
   CHECK(SectionAt(wire.sections(), 10).rigidity_N_mm2 == Approx(1));
   CHECK(SectionAt(wire.sections(), 11).rigidity_N_mm2 == Approx(6));

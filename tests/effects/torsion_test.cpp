@@ -152,11 +152,11 @@ std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {
 TEST_CASE("A scene's wire twists if the scene names torsion") {
   const TemporaryFolder folder;
   scene::Scene with(SceneFile(folder, "torsional_rigidity_ratio = 0.5\n[effects.torsion]\n"));
-  CHECK(with.rod().twists());
-  CHECK(with.rod().torsional_rigidity_N_mm2(7) == Approx(1));
+  CHECK(with.stack().empty_rod().twists());
+  CHECK(with.stack().empty_rod().torsional_rigidity_N_mm2(7) == Approx(1));
   CHECK(with.effect_names() == std::vector<std::string>{"torsion"});
   scene::Scene without(SceneFile(folder, ""));
-  CHECK_FALSE(without.rod().twists());
+  CHECK_FALSE(without.stack().empty_rod().twists());
 }
 
 TEST_CASE("Impossible settings of torsion are refused") {

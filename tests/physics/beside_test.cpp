@@ -54,7 +54,7 @@ struct SideBySide {
     return both;
   }
   effects::EffectContext Context() const {
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(2);
     context.stack = &stack;
     return context;
@@ -64,7 +64,7 @@ struct SideBySide {
         stack(Both(s), {.is_beside = {false, true}, .stiffness_N_mm2 = s.stiffness_N_mm2}),
         friction(s.mu, 1e-4, Context()),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
   }
   int upper() const { return settings.upper_first ? 0 : 1; }
@@ -163,7 +163,7 @@ struct AcrossTheWay {
   explicit AcrossTheWay(const Settings& s)
       : stack(Both(s), {.is_beside = {false, true}, .stiffness_N_mm2 = 20}),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-6}, terms)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
   }
 };
@@ -220,9 +220,10 @@ TEST_CASE("Feeding along an instrument beside meets Coulomb friction at both han
   REQUIRE(normal_N > 1e-4);
   InternalForces forces;
   HandForces hands;
-  FindInternalForces(pair.stack.rod(pair.state.FarthestCurve()), pair.state,
+  FindInternalForces(pair.relaxation->rods()[pair.state.FarthestCurve()], pair.state,
                      pair.relaxation->Current(), pair.terms, forces);
-  hands.Find(pair.stack, pair.state, pair.relaxation->Current(), forces, pair.friction.sliding());
+  hands.Find(pair.relaxation->rods(), pair.state, pair.relaxation->Current(), forces,
+             pair.friction.sliding());
   const double on_upper_N = hands.hands()[static_cast<std::size_t>(pair.upper())].axial_N;
   const double on_lower_N = hands.hands()[static_cast<std::size_t>(1 - pair.upper())].axial_N;
   CAPTURE(upper_first, normal_N, on_upper_N, on_lower_N);

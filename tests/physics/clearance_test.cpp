@@ -37,7 +37,7 @@ struct Loose {
         wall{.points_per_segment = points_per_segment},
         force(force_N),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = tolerance}, terms)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
   }
   int MoveTo(const InstrumentPoses& target) {
@@ -108,7 +108,7 @@ double ApartWithRoom(double room_mm, const InstrumentPoses& poses) {
   EndForce force({1e-6, 0, 3e-6});
   const std::vector<EnergyTerm*> terms{&force};
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms);
-  WireState state(stack.rod(), 2);
+  WireState state(stack.empty_rod(), 2);
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, poses, state, 400).converged);
   return LargestDistance(loose.state.Farthest(), state);

@@ -46,7 +46,7 @@ struct Across {
     return both;
   }
   effects::EffectContext Context() const {
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(2);
     context.stack = &stack;
     return context;
@@ -56,7 +56,7 @@ struct Across {
               {.is_beside = {false, true}, .stiffness_N_mm2 = 20}),
         friction(kMu, 1e-4, Context()),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
-        state(stack.rod(), 2),
+        state(stack.empty_rod(), 2),
         upper_first(first) {
     force.ActOn(upper());
     relaxation->Restart(state);
@@ -158,7 +158,7 @@ struct OverAPost {
                       BendingLaw::kExact, {.point_mm = post, .direction = Vector3d::UnitY()})};
   }
   effects::EffectContext Context() const {
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(2);
     context.stack = &stack;
     return context;
@@ -167,7 +167,7 @@ struct OverAPost {
       : stack(Both(), {.is_beside = {false, true}, .stiffness_N_mm2 = 20}),
         friction(mu, 1e-3, Context()),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-7}, terms)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     force.ActOn(0);
     relaxation->Restart(state);
     Go(17);

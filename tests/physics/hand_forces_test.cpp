@@ -28,13 +28,12 @@ struct Round {
         const Clearance& clearance = {})
       : stack(std::move(instruments), clearance),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
-        state(stack.rod(), stack.size()) {
+        state(stack.empty_rod(), stack.size()) {
     std::vector<Vector3d> path;
     for (double a = 0.01; a < 5; a += 0.01) {
       path.emplace_back(kRing * std::cos(a), kRing * std::sin(a), 0);
     }
-    stack.Combine(poses);
-    state = WireState::Along(stack.rod(), path, poses);
+    state = WireState::Along(stack.empty_rod(), path, poses);
     relaxation->Restart(state);
     GoTo(poses);
   }
@@ -43,8 +42,8 @@ struct Round {
   }
   double energy() const { return relaxation->Current().energy_mJ; }
   const HandForce& Hand(int k, const Sliding& sliding = {}) {
-    FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
-    hands.Find(stack, state, relaxation->Current(), forces, sliding);
+    FindInternalForces(relaxation->rods()[0], state, relaxation->Current(), terms, forces);
+    hands.Find(relaxation->rods(), state, relaxation->Current(), forces, sliding);
     return hands.hands()[static_cast<std::size_t>(k)];
   }
 };
@@ -206,9 +205,8 @@ TEST_CASE("Two arcs in each other keep the energy of the curve between them") {
     const std::vector<EnergyTerm*> none;
     const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none);
     const InstrumentPoses poses{{length_mm, turned_rad}, {length_mm, 0}};
-    stack.Combine(poses);
-    WireState state =
-        WireState::Along(stack.rod(), {Vector3d::Zero(), Vector3d(2 * length_mm, 0, 0)}, poses);
+    WireState state = WireState::Along(stack.empty_rod(),
+                                       {Vector3d::Zero(), Vector3d(2 * length_mm, 0, 0)}, poses);
     relaxation->Restart(state);
     const TickReport report = Settle(*relaxation, poses, state, 200);
     REQUIRE(report.converged);
@@ -333,7 +331,7 @@ TEST_CASE("A straight wire hands on what stops it") {
   InternalForces forces;
   FindInternalForces(model, state, relaxation.Current(), none, forces);
   HandForces hands;
-  hands.Find(InstrumentStack(model), state, relaxation.Current(), forces, {});
+  hands.Find(relaxation.rods(), state, relaxation.Current(), forces, {});
   // The end is 0.02 mm deep in a wall, which presses on half a piece (a quarter of a segment).
   const double force_N = 0.02 * segment_mm / 4;
   CHECK(hands.hands()[0].axial_N == Approx(force_N));
@@ -359,22 +357,21 @@ TEST_CASE("A wire drawn through a round catheter is held back by the capstan law
   const InstrumentPoses poses{{70, 0}, {60, 0}};
   const double angle = 60 / kRing;
   InstrumentStack stack(std::move(instruments));
-  stack.Combine(poses);
-  const Vector3d& normal = stack.rod().sheath_normal();
+  const Vector3d& normal = stack.empty_rod().sheath_normal();
   EndForce force(kForce * (std::cos(angle) * Vector3d::UnitX() + std::sin(angle) * normal));
   const FreeSpace field;
   const WallModel wall;
   const std::vector<EnergyTerm*> terms{&force};
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
-  WireState state = WireState::Along(stack.rod(), {}, poses);
+  WireState state = WireState::Along(stack.empty_rod(), {}, poses);
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, poses, state, 200).converged);
   InternalForces forces;
-  FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
+  FindInternalForces(relaxation->rods()[0], state, relaxation->Current(), terms, forces);
   HandForces hands;
   Sliding sliding{.coefficient = mu};
   sliding.direction[0][1] = way;
-  hands.Find(stack, state, relaxation->Current(), forces, sliding);
+  hands.Find(relaxation->rods(), state, relaxation->Current(), forces, sliding);
   const double wire_N = hands.hands()[0].axial_N;
   const double catheter_N = hands.hands()[1].axial_N;
   INFO("mu " << mu << " segment " << segment_mm << " way " << way);

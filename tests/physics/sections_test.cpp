@@ -116,15 +116,14 @@ Vector3d EndOfStack(const std::vector<Member>& members, double force_N, double s
                                   members[k].turned ? std::numbers::pi : 0};
   }
   InstrumentStack stack(std::move(models));
-  stack.Combine(poses);
   // The first normal is the direction of the rest curvature; the force bends the wire the same way.
-  const Vector3d towards = stack.rod().sheath_normal();
+  const Vector3d towards = stack.empty_rod().sheath_normal();
   EndForce force(force_N * towards);
   const std::vector<EnergyTerm*> terms = {&force};
   const FreeSpace field;
   const WallModel wall;
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-10}, terms);
-  WireState state = WireState::Along(stack.rod(), {}, poses);
+  WireState state = WireState::Along(stack.empty_rod(), {}, poses);
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, poses, state).converged);
   const Vector3d end = state.nodes().back();

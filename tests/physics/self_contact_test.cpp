@@ -39,7 +39,7 @@ struct Loop {
               {.touches_itself = touches, .stiffness_N_mm2 = 0.5}),
         force(-0.2 * turn * force_N),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
-        state(stack.rod(), 1) {
+        state(stack.empty_rod(), 1) {
     relaxation->Restart(state);
     // The hand turns the loop into the plane of the unturned one.
     const Vector3d plane = turn * SheathNormal(Vector3d::UnitX());
@@ -68,7 +68,8 @@ TEST_CASE("Contact of a wire with itself does not change the force and moment at
   if (touches) REQUIRE(loop.PressedN() > 2e-7);
   CAPTURE(touches);
   InternalForces forces;
-  FindInternalForces(loop.stack.rod(), loop.state, loop.relaxation->Current(), loop.terms, forces);
+  FindInternalForces(loop.relaxation->rods()[0], loop.state, loop.relaxation->Current(), loop.terms,
+                     forces);
   const Vector3d moment_mJ = loop.state.tip().cross(Press());
   CAPTURE(torsional_ratio, forces.clamp_moment_mJ.transpose(), moment_mJ.transpose());
   CHECK((forces.clamp_moment_mJ + moment_mJ).norm() < 1e-5 * moment_mJ.norm());

@@ -148,7 +148,7 @@ TEST_CASE(
   InternalForces forces;
   FindInternalForces(rod.model, rod.state, rod.relaxation->Current(), rod.terms, forces);
   HandForces hands;
-  hands.Find(InstrumentStack(rod.model), rod.state, rod.relaxation->Current(), forces, {});
+  hands.Find(rod.relaxation->rods(), rod.state, rod.relaxation->Current(), forces, {});
   // The spring holds the last segment as a whole: the twisted length ends in its middle.
   const double torque = kGj * kAngle / (kLength - segment_mm / 2);
   for (const double twisting : forces.twisting_mJ) CHECK(twisting == Approx(-torque).epsilon(1e-3));

@@ -94,11 +94,12 @@ TEST_CASE("A wire's first normal is that along which its entry moves", "[scene]"
   SceneSpec moved_spec = Parsed("");
   moved_spec.entry.offset_mm = {0.3, 1.1};
   const Scene moved(moved_spec);
-  const Vector3d normal = plain.rod().sheath_normal();
-  const Vector3d direction = plain.rod().sheath().direction;
-  const Vector3d by = moved.rod().sheath().point_mm - plain.rod().sheath().point_mm;
+  const Vector3d normal = plain.stack().empty_rod().sheath_normal();
+  const Vector3d direction = plain.stack().empty_rod().sheath().direction;
+  const Vector3d by =
+      moved.stack().empty_rod().sheath().point_mm - plain.stack().empty_rod().sheath().point_mm;
   CHECK(by.isApprox(0.3 * normal + 1.1 * direction.cross(normal), 1e-12));
-  CHECK(moved.rod().sheath().direction == direction);
+  CHECK(moved.stack().empty_rod().sheath().direction == direction);
   CHECK(moved.content_hash() != plain.content_hash());
 }
 

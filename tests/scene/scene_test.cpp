@@ -224,7 +224,7 @@ TEST_CASE("A wire that starts advanced lies along the centerline, at rest", "[sc
   Scene scene(path);
   const auto relaxation = scene.MakeRelaxation();
   const torquer::WireState state = scene.MakeStart(*relaxation);
-  CHECK(state.ArcLength(scene.rod()) == Approx(150.25).epsilon(1e-12));
+  CHECK(state.ArcLength(scene.stack().empty_rod()) == Approx(150.25).epsilon(1e-12));
   CHECK(relaxation->Current().residual <= 1e-6);
   double distance = 0;
   const auto& path_curve = scene.vessel().centerlines.curves()[0];

@@ -69,7 +69,7 @@ struct DrawnBeside {
         wall{.stiffness_N_mm2 = Evenly(random, 0.3, 3), .points_per_segment = 2},
         stack(Instruments(of, random), RoomOf(of)),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {}, none)),
-        state(stack.rod(), stack.size()) {
+        state(stack.empty_rod(), stack.size()) {
     relaxation->Restart(state);
   }
   // Least distance of instruments beside each other, in parts of that at which they touch.
@@ -166,7 +166,8 @@ TEST_CASE("Instruments beside each other never pass through each other, for any 
         if (report.converged) least = std::min(least, drawn.LeastDistance());
       }
       for (int c = 0; c < drawn.state.curves(); ++c) {
-        CHECK_THAT(BrokenGeometry(drawn.stack.rod(c), drawn.state.curve(c)), Catch::Equals(""));
+        CHECK_THAT(BrokenGeometry(drawn.stack.empty_rod(c), drawn.state.curve(c)),
+                   Catch::Equals(""));
       }
       CHECK(std::isfinite(drawn.relaxation->Current().energy_mJ));
     }

@@ -65,7 +65,7 @@ struct Drawn {
              .points_per_segment = static_cast<int>(1 + random() % 4)},
         stack(instruments, Room(instruments, random)),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {}, none)),
-        state(stack.rod(), stack.size()) {
+        state(stack.empty_rod(), stack.size()) {
     relaxation->Restart(state);
   }
 };
@@ -73,7 +73,7 @@ struct Drawn {
 void CheckCurves(const Drawn& drawn) {
   for (int c = 0; c < drawn.state.curves(); ++c) {
     const Curve& curve = drawn.state.curve(c);
-    const WireModel& rod = drawn.stack.rod(c);
+    const WireModel& rod = drawn.stack.empty_rod(c);
     CAPTURE(c);
     CHECK_THAT(BrokenGeometry(rod, curve), Catch::Equals(""));
     // The curve reaches as far as its instruments.

@@ -55,7 +55,7 @@ struct Coil : DenseCurves {
     const double length_mm = 2 * M_PI * 3 * s.turns - 1;
     InstrumentPoses poses(s.instruments);
     for (int k = 0; k < s.instruments; ++k) poses[k] = {length_mm - 3.7 * k, 0.3 * k};
-    stack.Combine(poses);
+    rods.Combine(poses);
     mechanics.points().UpdateRadii();
     state = WireState::Along(model, CoilPath(3, 0.3, s.turns), poses);
     std::mt19937 random(seed);
@@ -93,9 +93,9 @@ struct HeadOn : DenseCurves {
                      .stiffness_N_mm2 = 2e-3},
                     NoVessel(), {.stiffness_N_mm2 = 2e-3, .points_per_segment = 2}) {
     const InstrumentPoses poses{{13.1, 0}, {26.4, 0.2}};
-    stack.Combine(poses);
+    rods.Combine(poses);
     state = WireState::Along(model, {}, poses);
-    LayCurves(stack, state);
+    LayCurves(rods, state);
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> turn(-0.01, 0.01);
     Eigen::VectorXd x(unknowns());

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/simulator/core/newton/front_sweep.h"
+#include "host/simulator/core/stack/combined_rods.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "tests/support/analytic_fields.h"
@@ -21,7 +22,8 @@ namespace torquer::test {
 // Curves whose state a test lays. Keeps a reference to `field`.
 struct DenseCurves {
   InstrumentStack stack;
-  const WireModel& model = stack.rod();
+  CombinedRods rods{stack};
+  const WireModel& model = rods[0];
   WallModel wall;
   EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
   std::vector<EnergyTerm*> terms{&force};  ///< more may be added before the first evaluation
@@ -35,7 +37,7 @@ struct DenseCurves {
               const ClearanceField& field, const WallModel& of_wall)
       : stack(std::move(instruments), clearance),
         wall(of_wall),
-        mechanics(stack, field, wall, terms),
+        mechanics(rods, field, wall, terms),
         at(mechanics.MakeQuadraticModel()),
         trial(mechanics.MakeQuadraticModel()) {}
 
@@ -48,7 +50,7 @@ struct DenseCurves {
 
   // Number of unknowns of a curve: for each segment a step, and a spin of each instrument.
   Eigen::Index Own(int curve) const {
-    return (2 + stack.rod(curve).spins()) * state.curve(curve).segments();
+    return (2 + rods[curve].spins()) * state.curve(curve).segments();
   }
   // First unknown of a curve.
   Eigen::Index First(int curve) const {
@@ -62,7 +64,7 @@ struct DenseCurves {
     WireState to = state;
     for (int c = 0; c < stack.curves(); ++c) {
       to.curve(c) =
-          StackStep(stack.rod(c), state.curve(c), Eigen::VectorXd(x.segment(First(c), Own(c))));
+          StackStep(rods[c], state.curve(c), Eigen::VectorXd(x.segment(First(c), Own(c))));
     }
     return to;
   }
@@ -77,7 +79,7 @@ struct DenseCurves {
   Eigen::VectorXd Gradient() const {
     Eigen::VectorXd gradient(unknowns());
     for (int c = 0; c < stack.curves(); ++c) {
-      gradient.segment(First(c), Own(c)) = DenseGradient(stack.rod(c), state.curve(c), at.curve(c));
+      gradient.segment(First(c), Own(c)) = DenseGradient(rods[c], state.curve(c), at.curve(c));
     }
     return gradient;
   }
@@ -85,21 +87,21 @@ struct DenseCurves {
   Eigen::VectorXd Unit() const {
     Eigen::VectorXd unit(unknowns());
     for (int c = 0; c < stack.curves(); ++c) {
-      unit.segment(First(c), Own(c)) = UnitWeight(stack.rod(c), state.curve(c));
+      unit.segment(First(c), Own(c)) = UnitWeight(rods[c], state.curve(c));
     }
     return unit;
   }
   FrontSweep Sweep() const {
-    std::vector<const WireModel*> rods;
-    for (int c = 0; c < stack.curves(); ++c) rods.push_back(&stack.rod(c));
-    return FrontSweep(rods, at.between);
+    std::vector<const WireModel*> of_curves;
+    for (int c = 0; c < stack.curves(); ++c) of_curves.push_back(&rods[c]);
+    return FrontSweep(of_curves, at.between);
   }
   // Unknowns of the steps of all curves.
   Eigen::VectorXd All(const std::vector<CurveStep>& steps) const {
     Eigen::VectorXd all(unknowns());
     for (int c = 0; c < stack.curves(); ++c) {
       const CurveStep& step = steps[static_cast<std::size_t>(c)];
-      all.segment(First(c), Own(c)) = Unknowns(stack.rod(c), step.xi, step.spin);
+      all.segment(First(c), Own(c)) = Unknowns(rods[c], step.xi, step.spin);
     }
     return all;
   }

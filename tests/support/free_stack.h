@@ -48,7 +48,7 @@ struct FreeStack {
   explicit FreeStack(std::vector<WireModel> instruments)
       : stack(std::move(instruments)),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
-        state(stack.rod(), stack.size()) {
+        state(stack.empty_rod(), stack.size()) {
     relaxation->Restart(state);
   }
   void MoveTo(const InstrumentPoses& target) {

@@ -76,7 +76,7 @@ struct PulledWire {
             .stiffness_N_mm2 = settings.stiffness_N_mm2};
   }
   effects::EffectContext Context() const {
-    effects::EffectContext context{stack.rod(), wall};
+    effects::EffectContext context{stack.empty_rod(), wall};
     context.instruments.resize(static_cast<std::size_t>(stack.size()));
     context.stack = &stack;
     return context;
@@ -87,11 +87,10 @@ struct PulledWire {
         wall{.points_per_segment = settings.points_per_segment},
         friction(settings.mu, 1e-4, Context()),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {}, terms)),
-        state(stack.rod(), stack.size()) {
+        state(stack.empty_rod(), stack.size()) {
     if (settings.in_sheath) poses = {poses[0], poses[1], {5, 0}};
-    stack.Combine(poses);
     force.SetForce(kForce * Towards(kInside / kRing));
-    state = WireState::Along(stack.rod(), {}, poses);
+    state = WireState::Along(stack.empty_rod(), {}, poses);
     relaxation->Restart(state);
     Go(0, 0);
     Go(0, 0);  // the mutual contact forces are known from here on
@@ -99,7 +98,7 @@ struct PulledWire {
   // Direction of the catheter where it has turned by an angle.
   Vector3d Towards(double angle_rad) const {
     return std::cos(angle_rad) * Vector3d::UnitX() +
-           std::sin(angle_rad) * stack.rod().sheath_normal();
+           std::sin(angle_rad) * stack.empty_rod().sheath_normal();
   }
   void Go(double drawn_mm, double turned_rad, int steps = 1) {
     const InstrumentPose from = poses[0];
@@ -111,12 +110,12 @@ struct PulledWire {
   }
   // Force at the hand of the wire (0) or of the catheter (1).
   HandForce Hand(int instrument) {
-    FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
-    hands.Find(stack, state, relaxation->Current(), forces, friction.sliding());
+    FindInternalForces(relaxation->rods()[0], state, relaxation->Current(), terms, forces);
+    hands.Find(relaxation->rods(), state, relaxation->Current(), forces, friction.sliding());
     return hands.hands()[static_cast<std::size_t>(instrument)];
   }
   double HandTorque() const {
-    return -TwistStiffnessOf(stack.rod(), state, 0, 0) * state.TwistOf(0, 0);
+    return -TwistStiffnessOf(relaxation->rods()[0], state, 0, 0) * state.TwistOf(0, 0);
   }
   // Tension of the wire in N where it leaves the sheath.
   double TensionAtSheath() const {

@@ -50,7 +50,8 @@ struct TwistedStack {
   static constexpr double kSoftest = 6.35e-3;  // N mm^2
   Sheath sheath{Vector3d(21.8, 0, 0), Vector3d::UnitY()};
   InstrumentStack stack;
-  const WireModel& model = stack.rod();
+  CombinedRods rods{stack};
+  const WireModel& model = rods[0];
   Torus field{Side::kInside, 20, 2};
   WallModel wall{.stiffness_N_mm2 = 2e-3};
   EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
@@ -83,7 +84,7 @@ struct TwistedStack {
     const InstrumentPose all[4] = {{15.1, 0.4}, {11.3, -0.8}, {8.0, 2}, {3.9, 0}};
     InstrumentPoses poses(count);
     for (int k = 0; k < count; ++k) poses[k] = all[k];
-    stack.Combine(poses);
+    rods.Combine(poses);
     mechanics.points().UpdateRadii();
     state = WireState::Along(model, arc, poses);
     Shake(model, 0.03, random, state);

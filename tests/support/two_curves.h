@@ -67,20 +67,20 @@ struct TwoCurves : TorusWall, DenseCurves {
     for (double a = 0.02; a < 1; a += 0.02) {
       arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
     }
-    stack.Combine(poses);
+    rods.Combine(poses);
     state = WireState::Along(model, arc, poses);
-    LayCurves(stack, state);
+    LayCurves(rods, state);
     for (int c = 0; c < stack.curves(); ++c) {
       mechanics.points(c).UpdateRadii();
       std::mt19937 alike(seed);  // all curves are shaken alike, so that they stay near each other
-      Shake(stack.rod(c), 0.03, alike, state.curve(c));
+      Shake(rods[c], 0.03, alike, state.curve(c));
     }
     std::uniform_real_distribution<double> turn(-0.04, 0.04);
     Eigen::VectorXd x(unknowns());
     for (double& component : x) component = turn(random);
     // Spins accumulate from the sheath on, as twists of either sign.
     for (int c = 0; c < stack.curves(); ++c) {
-      const int spins = stack.rod(c).spins();
+      const int spins = rods[c].spins();
       for (int k = 0; k < spins; ++k) {
         double sum = 0;
         for (int i = 0; i < state.curve(c).segments(); ++i) {

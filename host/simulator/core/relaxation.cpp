@@ -56,7 +56,7 @@ InstrumentPoses Left(const InstrumentPoses& goal, const InstrumentPoses& here) {
 
 double Relaxation::EnergyMJ(const WireState& state) const {
   double energy_mJ = Current().energy_mJ - Current().dissipated_mJ;
-  for (int c = 0; c < state.curves(); ++c) energy_mJ += stack_.MutualEnergyMJ(c, state.curve(c));
+  for (int c = 0; c < state.curves(); ++c) energy_mJ += rods_.MutualEnergyMJ(c, state.curve(c));
   return energy_mJ;
 }
 
@@ -64,7 +64,7 @@ TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, W
   TickReport report;
   const Tips tips_before_mm = TipsOf(state);
   const InstrumentPoses poses_before = state.poses();
-  const InstrumentPoses goal = stack_.Bounded(target);
+  const InstrumentPoses goal = stack().Bounded(target);
 
   Begin(state);
   bool at_rest = false;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/simulator/core/instrument_pose.h"
+#include "host/simulator/core/stack/combined_rods.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_state.h"
@@ -125,15 +126,18 @@ class Relaxation {
   /// Appends a record of every attempt from now on; null stops recording, at no cost.
   void Record(std::vector<AttemptRecord>* records) { records_ = records; }
 
-  const InstrumentStack& stack() const { return stack_; }
+  const InstrumentStack& stack() const { return rods_.stack(); }
+  /// Rods of the curves at the present poses.
+  const CombinedRods& rods() const { return rods_; }
 
  protected:
   /// A lone wire, which must outlive this.
-  explicit Relaxation(const WireModel& wire) : lone_(std::in_place, wire), stack_(*lone_) {}
-  /// A stack, which must outlive this and is moved by it.
-  explicit Relaxation(InstrumentStack& stack) : stack_(stack) {}
+  explicit Relaxation(const WireModel& wire) : lone_(std::in_place, wire), rods_(*lone_) {}
+  /// A stack, which must outlive this.
+  explicit Relaxation(const InstrumentStack& stack) : rods_(stack) {}
 
-  InstrumentStack& stack() { return stack_; }
+  /// Sets the rods to the instruments at `poses`.
+  void Combine(const InstrumentPoses& poses) { rods_.Combine(poses); }
   std::vector<AttemptRecord>* records() const { return records_; }
 
  private:
@@ -156,7 +160,7 @@ class Relaxation {
   virtual void End(const WireState& state, bool settled, TickReport& report) = 0;
 
   std::optional<InstrumentStack> lone_;
-  InstrumentStack& stack_;
+  CombinedRods rods_;
   std::vector<AttemptRecord>* records_ = nullptr;
 };
 

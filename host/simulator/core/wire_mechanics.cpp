@@ -12,13 +12,13 @@ WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field
   curves_.emplace_back(model, field, wall, nullptr, 0);
 }
 
-WireMechanics::WireMechanics(const InstrumentStack& stack, const ClearanceField& field,
+WireMechanics::WireMechanics(const CombinedRods& rods, const ClearanceField& field,
                              const WallModel& wall, const std::vector<EnergyTerm*>& terms)
     : wall_(wall), terms_(terms) {
-  for (int c = 0; c < stack.curves(); ++c)
-    curves_.emplace_back(stack.rod(c), field, wall, &stack, c);
+  const InstrumentStack& stack = rods.stack();
+  for (int c = 0; c < stack.curves(); ++c) curves_.emplace_back(rods[c], field, wall, &stack, c);
   if (stack.curves() == 1 && !stack.clearance().touches_itself) return;
-  stack_ = &stack;
+  rods_ = &rods;
   pairs_.emplace(stack, wall.points_per_segment);
   trial_pairs_.emplace(stack, wall.points_per_segment);
 }
@@ -69,7 +69,7 @@ bool WireMechanics::has_beside() const {
 }
 
 void WireMechanics::PairCurves(const WireState& state) {
-  if (pairs_) pairs_->Find(*stack_, state, SlidesInLumen());
+  if (pairs_) pairs_->Find(*rods_, state, SlidesInLumen());
 }
 
 std::int64_t WireMechanics::lookups() const {
@@ -104,7 +104,7 @@ void WireMechanics::BuildBetween(const WireState& state, QuadraticModel& out) co
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     const LumenPairs& pairs = pairs_->of_curves()[k];
     PointSet& points = out.curve(pairs.inner).points;
-    out.between[k].Place(pairs, stack_->clearance().stiffness_N_mm2,
+    out.between[k].Place(pairs, rods_->stack().clearance().stiffness_N_mm2,
                          GeometryOf(pairs.inner, state, out), GeometryOf(pairs.outer, state, out),
                          !slides          ? nullptr
                          : !pairs.ordered ? &points.between.crossing
@@ -158,7 +158,8 @@ void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) co
   for (int c = 0; c < curves(); ++c) {
     PointSet& points = out.curve(c).points;
     points.among.is_farthest = c == farthest;
-    points.among.beside_farthest = stack_->AreBeside(std::min(c, farthest), std::max(c, farthest));
+    points.among.beside_farthest =
+        rods_->stack().AreBeside(std::min(c, farthest), std::max(c, farthest));
     points.among.behind_farthest_mm =
         state.curve(farthest).insertion_mm() - state.curve(c).insertion_mm();
     if (c > 0) FindInside(state, c, points);
@@ -170,7 +171,7 @@ void WireMechanics::RelateCurves(const WireState& state, QuadraticModel& out) co
 void WireMechanics::FindInside(const WireState& state, int curve, PointSet& points) const {
   points.among.inside_mm2.assign(points.position.size(), 0);
   for (int inner = 0; inner < curve; ++inner) {
-    if (stack_->CurveAround(inner) != curve) continue;
+    if (rods_->stack().CurveAround(inner) != curve) continue;
     const double behind_mm = state.curve(curve).insertion_mm() - state.curve(inner).insertion_mm();
     for (int q = 0; q < points.size(); ++q) {
       const double coverage = points.CoverageUpTo(behind_mm, q);

@@ -11,6 +11,7 @@
 #include "host/simulator/core/curve_mechanics.h"
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/stack/between_curves.h"
+#include "host/simulator/core/stack/combined_rods.h"
 #include "host/simulator/core/stack/lumen_pairs.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
@@ -38,7 +39,7 @@ class WireMechanics {
   WireMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                 const std::vector<EnergyTerm*>& terms);
   /// Instruments on any number of curves.
-  WireMechanics(const InstrumentStack& stack, const ClearanceField& field, const WallModel& wall,
+  WireMechanics(const CombinedRods& rods, const ClearanceField& field, const WallModel& wall,
                 const std::vector<EnergyTerm*>& terms);
 
   /// Returns a quadratic model with room for the longest wire.
@@ -104,8 +105,8 @@ class WireMechanics {
   const WallModel& wall_;
   const std::vector<EnergyTerm*>& terms_;
   std::vector<CurveMechanics> curves_;
-  const InstrumentStack* stack_ = nullptr;  // null without pairs
-  std::optional<CurvePairs> pairs_;         // empty for one curve that does not touch itself
+  const CombinedRods* rods_ = nullptr;  // null without pairs
+  std::optional<CurvePairs> pairs_;     // empty for one curve that does not touch itself
   std::optional<CurvePairs> trial_pairs_;
 };
 

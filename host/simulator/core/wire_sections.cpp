@@ -263,7 +263,10 @@ double EndInSheath(double behind_mm, double inserted_mm, double segment_mm) {
 
 double JointTorsionalRigidity(const std::vector<WireSection>& sections, double from_tip_mm,
                               double segment_mm) {
-  if (sections.front().torsional_rigidity_N_mm2 == 0) return 0;
+  const WireSection& last = sections.back();
+  if (last.torsional_rigidity_N_mm2 == 0 || from_tip_mm - segment_mm >= last.from_tip_mm) {
+    return last.torsional_rigidity_N_mm2;
+  }
   HarmonicMean mean;
   const auto next_kink = [&](double from_mm, double before_mm) {
     return NextEnd(sections, 0, from_mm, before_mm);

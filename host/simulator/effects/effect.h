@@ -60,7 +60,7 @@ int FindInstrument(const std::vector<Instrument>& instruments, const std::string
 /// Inputs for the construction of effects. All outlive the effect. A bench without a scene leaves
 /// some null or empty.
 struct EffectContext {
-  const WireModel& wire;  ///< the rod of all instruments
+  const WireModel& wire;  ///< the empty rod of the innermost curve
   const WallModel& wall;
   const ClearanceField* field = nullptr;  ///< the vessel at rest
   const vessel::CenterlineNetwork* centerlines = nullptr;
@@ -118,6 +118,7 @@ struct TickView {
   const WireState& state;
   const QuadraticModel& quadratic;
   const TickReport& report;
+  const CombinedRods* rods = nullptr;  ///< of the curves; null if no relaxation made the state
 };
 
 /// Number found by an effect, for display and records.

@@ -256,7 +256,7 @@ void Scene::MakeEffect(const EffectSpec& spec, const Scene* sharing) {
   if (kind.make == nullptr) return;  // this kind only shapes the instruments
   const bool has_same_axes = sharing != nullptr && sharing->axes_ == axes_;
   const effects::Effect* const other = has_same_axes ? sharing->FindEffect(kind.name) : nullptr;
-  effects_.push_back(kind.make(spec.keys, {.wire = rod(),
+  effects_.push_back(kind.make(spec.keys, {.wire = stack_->empty_rod(),
                                            .wall = wall_,
                                            .field = &vessel_.wire_field(),
                                            .centerlines = &vessel_.centerlines,
@@ -332,7 +332,8 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
 
 std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
   if (method() == Method::kPaper) {
-    return std::make_unique<PaperRelaxation>(rod(), vessel_.wire_field(), wall_, paper_);
+    return std::make_unique<PaperRelaxation>(stack_->empty_rod(), vessel_.wire_field(), wall_,
+                                             paper_);
   }
   terms_.clear();
   for (std::size_t k = 0; k < effects_.size(); ++k) {
@@ -344,7 +345,7 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {
   const InstrumentPoses here = start();
-  WireState state = WireState::Along(rod(), entry_.start_path_mm, here);
+  WireState state = WireState::Along(stack_->empty_rod(), entry_.start_path_mm, here);
   relaxation.Restart(state);
   for (int tick = 0; tick < 20; ++tick) {
     CountedBudget budget(budget_units_);

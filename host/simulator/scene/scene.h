@@ -50,8 +50,6 @@ class Scene {
   std::string KeepField() const;
   const vessel::PatientAxes& axes() const { return axes_; }
   const InstrumentStack& stack() const { return *stack_; }
-  /// Combined rod of all instruments.
-  const WireModel& rod() const { return stack_->rod(); }
   /// All instruments, the innermost first.
   const std::vector<effects::Instrument>& instruments() const { return instruments_; }
   /// The innermost instrument with another segment length and bending law, for comparisons. Throws

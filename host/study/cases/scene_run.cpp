@@ -146,7 +146,7 @@ class SceneRun {
   void CheckGeometry() {
     const WireState& state = session_.state();
     for (int c = 0; c < state.curves(); ++c) {
-      const std::string broken = BrokenGeometry(scene_.stack().rod(c), state.curve(c));
+      const std::string broken = BrokenGeometry(scene_.stack().empty_rod(c), state.curve(c));
       if (!broken.empty()) Object("curve ", c, ": ", broken);
     }
   }
@@ -226,7 +226,7 @@ class SceneRun {
   InstrumentPoses Places() const { return scene_.stack().Bounded(command_.target); }
   // Radius of a curve. At the tip of an instrument it grows over one segment.
   double SurfaceRadius(int curve, double arc_mm) const {
-    const double beyond_mm = arc_mm + scene_.rod().segment_mm();
+    const double beyond_mm = arc_mm + scene_.stack().empty_rod().segment_mm();
     const int k = scene_.stack().SurfaceAt(curve, Places(), beyond_mm);
     return OuterRadius(scene_.spec().instruments[static_cast<std::size_t>(k)]);
   }
@@ -236,8 +236,8 @@ class SceneRun {
   }
   double Bulges(int curve, std::size_t segment, int other, std::size_t other_segment) const {
     const WireState& state = session_.state();
-    return BulgeAt(scene_.stack().rod(curve), state.curve(curve), segment) +
-           BulgeAt(scene_.stack().rod(other), state.curve(other), other_segment);
+    return BulgeAt(scene_.stack().empty_rod(curve), state.curve(curve), segment) +
+           BulgeAt(scene_.stack().empty_rod(other), state.curve(other), other_segment);
   }
   // Energy of the overlap in the middle of a segment. Contacts at the places of a segment can miss
   // an overlap near its ends, and a shallow one between them.
@@ -274,7 +274,7 @@ class SceneRun {
   double EnergyInLumen(int c, int o) {
     const Curve& curve = session_.state().curve(c);
     const Curve& outer = session_.state().curve(o);
-    if (BendsSharply(scene_.stack().rod(o), outer, LumenRadius(o, outer.insertion_mm()))) {
+    if (BendsSharply(scene_.stack().empty_rod(o), outer, LumenRadius(o, outer.insertion_mm()))) {
       bends_sharply_ = true;
       return 0;
     }

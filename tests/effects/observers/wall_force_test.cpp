@@ -395,7 +395,7 @@ struct WholeWall {
       : stack({Instrument(0.05, 0.2, 0), Instrument(second_N_mm2, second_radius_mm, offset_mm)},
               clearance),
         relaxation(MakeNewtonRelaxation(stack, ring, wall, {.tolerance = 1e-9}, none)),
-        state(stack.rod(), 2) {
+        state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
     const InstrumentPoses target{{50, 0}, {30, 0}};
     const TickReport report = Settle(*relaxation, target, state, 400);

@@ -11,15 +11,15 @@
 
 namespace torquer {
 
-void LayCurves(const InstrumentStack& stack, WireState& state) {
+void LayCurves(const CombinedRods& rods, WireState& state) {
+  const InstrumentStack& stack = rods.stack();
   const std::vector<Eigen::Vector3d> path_mm(state.nodes().begin() + 1, state.nodes().end());
   const InstrumentPoses poses = state.poses();
   state.RemoveOthers(stack.curves());
   for (int c = 0; c < stack.curves(); ++c) {
-    Curve& curve =
-        c == 0 ? state : state.AddCurve(stack.rod(c), poses.size(), stack.OnCurve(c).first);
+    Curve& curve = c == 0 ? state : state.AddCurve(rods[c], poses.size(), stack.OnCurve(c).first);
     const std::vector<Eigen::Vector3d>& own_mm = stack.StartPath(c);
-    curve.LayAlong(stack.rod(c), own_mm.empty() ? path_mm : own_mm, poses, stack.Reach(c, poses));
+    curve.LayAlong(rods[c], own_mm.empty() ? path_mm : own_mm, poses, stack.Reach(c, poses));
   }
 }
 
@@ -89,18 +89,18 @@ PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mec
   return limits;
 }
 
-void MoveInstruments(const InstrumentPoses& next, double predicted_mm, InstrumentStack& stack,
+void MoveInstruments(const InstrumentPoses& next, double predicted_mm, const CombinedRods& rods,
                      std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
                      WireState& state) {
   const bool alone = next.size() == 1;
-  if (!alone) stack.Combine(next);
+  const InstrumentStack& stack = rods.stack();
   for (int c = 0; c < stack.curves(); ++c) {
     Curve& curve = state.curve(c);
     if (!alone) {
       mechanics.points(c).UpdateRadii();
-      curve.MoveInstruments(stack.rod(c), next);
+      curve.MoveInstruments(rods[c], next);
     }
-    predictions[c].Feed(stack.rod(c), stack.Reach(c, next), predicted_mm, curve);
+    predictions[c].Feed(rods[c], stack.Reach(c, next), predicted_mm, curve);
   }
   if (alone) state.Rotate(next[0].rotation_rad);
 }

@@ -6,15 +6,16 @@
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/newton/feed_prediction.h"
+#include "host/simulator/core/stack/combined_rods.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
-/// Gives a state that was laid as one curve (WireState::Along) all curves of `stack`. Each lies
+/// Gives a state that was laid as one curve (WireState::Along) all curves of `rods`. Each lies
 /// along the same path, as far as its instruments reach.
-void LayCurves(const InstrumentStack& stack, WireState& state);
+void LayCurves(const CombinedRods& rods, WireState& state);
 
 /// Fraction of the motion from `here` to `goal` that the motion to `next` covers. All motions are
 /// proportional, so the longest one defines it, counted in parts of `feed_mm` and `turn_rad`. A
@@ -34,9 +35,9 @@ struct PassingLimits {
 PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mechanics,
                                 const std::vector<BetweenCurves>& between);
 
-/// Feeds and turns the curves of `state` to `next`, and combines the rods of `stack` for it.
+/// Feeds and turns the curves of `state` to `next`, for which `rods` are combined.
 /// `predictions`: one for each curve; they move no node by more than `predicted_mm`.
-void MoveInstruments(const InstrumentPoses& next, double predicted_mm, InstrumentStack& stack,
+void MoveInstruments(const InstrumentPoses& next, double predicted_mm, const CombinedRods& rods,
                      std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
                      WireState& state);
 

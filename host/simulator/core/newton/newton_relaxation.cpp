@@ -21,23 +21,23 @@ NewtonMethod<Sweep>::NewtonMethod(const WireModel& wire, const ClearanceField& f
     : NewtonMethod(std::in_place, wire, field, wall, settings, terms) {}
 
 template <class Sweep>
-NewtonMethod<Sweep>::NewtonMethod(InstrumentStack& stack, const ClearanceField& field,
+NewtonMethod<Sweep>::NewtonMethod(const InstrumentStack& stack, const ClearanceField& field,
                                   const WallModel& wall, const NewtonSettings& settings,
                                   const std::vector<EnergyTerm*>& terms)
     : NewtonMethod(std::in_place, stack, field, wall, settings, terms) {}
 
 template <class Sweep>
 template <class Wires>
-NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
+NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, const Wires& wires,
                                   const ClearanceField& field, const WallModel& wall,
                                   const NewtonSettings& settings,
                                   const std::vector<EnergyTerm*>& terms)
     : Relaxation(wires),
-      model_(stack().rod()),
+      model_(rods()[0]),
       field_(field),
       settings_(settings),
       terms_(terms),
-      mechanics_(stack(), field, wall, terms),
+      mechanics_(rods(), field, wall, terms),
       solver_(mechanics_),
       memory_{.current = mechanics_.MakeQuadraticModel()},
       trial_quadratic_(mechanics_.MakeQuadraticModel()),
@@ -47,7 +47,7 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   memory_.Reserve(mechanics_);
   trial_.RemoveOthers(stack().curves());
   for (int c = 1; c < stack().curves(); ++c) {
-    trial_.AddCurve(stack().rod(c), stack().size(), stack().OnCurve(c).first);
+    trial_.AddCurve(rods()[c], stack().size(), stack().OnCurve(c).first);
   }
   if (!kTwists && !kFront) defect_.Reserve(model_.max_segments());
   if (kFront && model_.spins() > 0 && !terms.empty()) {
@@ -57,8 +57,8 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
 
 template <class Sweep>
 void NewtonMethod<Sweep>::Restart(WireState& state) {
-  stack().Combine(state.poses());
-  if (state.curves() != stack().curves()) LayCurves(stack(), state);
+  Combine(state.poses());
+  if (state.curves() != stack().curves()) LayCurves(rods(), state);
   for (int c = 0; c < state.curves(); ++c) {
     ContactPoints& points = mechanics_.points(c);
     points.UpdateRadii();
@@ -74,7 +74,7 @@ void NewtonMethod<Sweep>::Restart(WireState& state) {
 template <class Sweep>
 void NewtonMethod<Sweep>::CopyFrom(const Relaxation& twin, const WireState& state) {
   const auto& from = dynamic_cast<const NewtonMethod&>(twin);
-  stack().Combine(state.poses());
+  Combine(state.poses());
   mechanics_.CopyFrom(from.mechanics_);
   memory_ = from.memory_;
 }
@@ -195,7 +195,7 @@ void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
   QuadraticModel& at = memory_.current;
   for (int c = 0; c < state.curves(); ++c) at.curve(c).points.between.pressed_N.clear();
   if (at.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
-  balance_.FindPressed(stack(), state, (*between)->between_term()->sliding(), at);
+  balance_.FindPressed(rods(), state, (*between)->between_term()->sliding(), at);
 }
 
 template <class Sweep>
@@ -246,7 +246,8 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   for (int c = 0; c < state.curves(); ++c) {
     memory_.active_sets[c].RememberPressed(memory_.current.curve(c));
   }
-  MoveInstruments(next, limits.predicted_mm, stack(), memory_.feeds, mechanics_, state);
+  Combine(next);
+  MoveInstruments(next, limits.predicted_mm, rods(), memory_.feeds, mechanics_, state);
 
   // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.
   if (state.Farthest().segments() == 0) {
@@ -417,7 +418,7 @@ template class NewtonMethod<FrontSweep>;
 namespace {
 
 template <class Wires>
-std::unique_ptr<Relaxation> MakeLone(Wires& wires, bool twists, const ClearanceField& field,
+std::unique_ptr<Relaxation> MakeLone(const Wires& wires, bool twists, const ClearanceField& field,
                                      const WallModel& wall, const NewtonSettings& settings,
                                      const std::vector<EnergyTerm*>& terms) {
   if (twists) {
@@ -436,14 +437,14 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const Cl
   return MakeLone(wire, wire.twists(), field, wall, settings, terms);
 }
 
-std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
+std::unique_ptr<Relaxation> MakeNewtonRelaxation(const InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  if (stack.curves() > 1 || stack.rod().stack_twists() || stack.clearance().touches_itself) {
+  if (stack.curves() > 1 || stack.empty_rod().stack_twists() || stack.clearance().touches_itself) {
     return std::make_unique<NewtonMethod<FrontSweep>>(stack, field, wall, settings, terms);
   }
-  return MakeLone(stack, stack.rod().twists(), field, wall, settings, terms);
+  return MakeLone(stack, stack.empty_rod().twists(), field, wall, settings, terms);
 }
 
 }  // namespace torquer

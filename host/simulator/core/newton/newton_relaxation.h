@@ -48,8 +48,8 @@ class NewtonMethod final : public Relaxation {
   /// A lone wire. Keeps references to all but the settings.
   NewtonMethod(const WireModel& wire, const ClearanceField& field, const WallModel& wall,
                const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
-  /// A stack, which it moves.
-  NewtonMethod(InstrumentStack& stack, const ClearanceField& field, const WallModel& wall,
+  /// A stack.
+  NewtonMethod(const InstrumentStack& stack, const ClearanceField& field, const WallModel& wall,
                const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
 
   void Restart(WireState& state) override;
@@ -65,7 +65,7 @@ class NewtonMethod final : public Relaxation {
 
   // Common part of both public constructors.
   template <class Wires>
-  NewtonMethod(std::in_place_t both, Wires& wires, const ClearanceField& field,
+  NewtonMethod(std::in_place_t both, const Wires& wires, const ClearanceField& field,
                const WallModel& wall, const NewtonSettings& settings,
                const std::vector<EnergyTerm*>& terms);
 
@@ -120,7 +120,7 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const Cl
                                                  const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms);
-std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
+std::unique_ptr<Relaxation> MakeNewtonRelaxation(const InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms);

@@ -48,12 +48,12 @@ int FacingSegment(const WireModel& rod, const Curve& curve, const Vector3d& poin
 
 }  // namespace
 
-void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state,
+void CurvePairs::FindBeside(const CombinedRods& rods, const WireState& state,
                             LumenPairs& out) const {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
-                  inner, outer,         with_spots_,          out};
+  PairBuilder add{rods.stack(), state.poses(), rods[out.inner], rods[out.outer],
+                  inner,        outer,         with_spots_,     out};
   int facing = 0;
   for (int i = 0; i < inner.segments(); ++i) {
     for (int k = 0; k < out.pieces_per_segment; ++k) {
@@ -62,7 +62,7 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
       facing = m;
       if (IsHeadOn(inner, i, outer, m)) continue;
       const BesidePlace place = add.FindBeside(i, k, m);
-      if (place.covered == 0 || !ShareLumen(stack, out, place)) continue;
+      if (place.covered == 0 || !ShareLumen(rods.stack(), out, place)) continue;
       add.AddBeside(i, place.past_mm, m, place.weight_mm, i * out.pieces_per_segment + k);
     }
   }
@@ -76,12 +76,12 @@ bool CurvePairs::ShareLumen(const InstrumentStack& stack, const LumenPairs& pair
 }
 
 // Moves a group of curves beside each other to other segments.
-void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
-                           const SegmentPair& on, int group, LumenPairs& pairs) const {
-  PairBuilder builder{stack,
+void CurvePairs::MoveGroup(const CombinedRods& rods, const WireState& state, const SegmentPair& on,
+                           int group, LumenPairs& pairs) const {
+  PairBuilder builder{rods.stack(),
                       state.poses(),
-                      stack.rod(pairs.inner),
-                      stack.rod(pairs.outer),
+                      rods[pairs.inner],
+                      rods[pairs.outer],
                       state.curve(pairs.inner),
                       state.curve(pairs.outer),
                       with_spots_,
@@ -97,7 +97,7 @@ void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
 // For three curves that face each other, the orders of the pairs may be contradictory. The cause is
 // small angles between the planes of their nodes. Then the places beside each other take the
 // segments before, whose lines run on beyond their ends.
-void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& state) {
+void CurvePairs::OrderBeside(const CombinedRods& rods, const WireState& state) {
   if (std::none_of(pairs_.begin(), pairs_.end(),
                    [](const LumenPairs& pairs) { return pairs.beside && pairs.ordered; })) {
     return;
@@ -117,7 +117,7 @@ void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& stat
     const SegmentPair& on = pairs.groups[group];
     const SegmentPair reached{std::min(on.inner, inner_cut - 1), std::min(on.outer, outer_cut - 1)};
     if (reached.inner < on.inner || reached.outer < on.outer) {
-      MoveGroup(stack, state, reached, group, pairs);
+      MoveGroup(rods, state, reached, group, pairs);
     }
     inner_cut = reached.inner + 1;
     outer_cut = reached.outer + 1;

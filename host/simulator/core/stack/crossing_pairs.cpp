@@ -97,12 +97,11 @@ class InOrder {
 
 }  // namespace
 
-void CurvePairs::FindCrossing(const InstrumentStack& stack, const WireState& state,
-                              LumenPairs& out) {
+void CurvePairs::FindCrossing(const CombinedRods& rods, const WireState& state, LumenPairs& out) {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
-                  inner, outer,         with_spots_,          out};
+  PairBuilder add{rods.stack(), state.poses(), rods[out.inner], rods[out.outer],
+                  inner,        outer,         with_spots_,     out};
   const bool itself = out.inner == out.outer;
   InOrder in_order(PairsOf(out.inner, out.outer));
   TurnedBack turned_back(inner);
@@ -116,7 +115,7 @@ void CurvePairs::FindCrossing(const InstrumentStack& stack, const WireState& sta
           return;
         }
         const BesidePlace place = add.FindBeside(i, k, m);
-        if (place.covered == 0 || !ShareLumen(stack, out, place)) return;
+        if (place.covered == 0 || !ShareLumen(rods.stack(), out, place)) return;
         // No heap: a wire wound tighter than that keeps the first of its contacts.
         if (out.places.size() == out.places.capacity() ||
             out.groups.size() == out.groups.capacity()) {

@@ -57,14 +57,14 @@ Vector3d FromOwnNormals(const WireModel& rod, const Curve& curve, int joint, int
 
 }  // namespace
 
-HandForces::OnCurve HandForces::CurveOf(const InstrumentStack& stack, const WireState& state,
+HandForces::OnCurve HandForces::CurveOf(const CombinedRods& rods, const WireState& state,
                                         const QuadraticModel& quadratic, int number,
                                         const CurveLoads& loads) {
-  return {.rod = stack.rod(number),
+  return {.rod = rods[number],
           .curve = state.curve(number),
           .at = quadratic.curve(number),
           .number = number,
-          .range = stack.OnCurve(number),
+          .range = rods.stack().OnCurve(number),
           .loads = loads};
 }
 
@@ -255,15 +255,16 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
   }
 }
 
-void HandForces::FindPressed(const InstrumentStack& stack, const WireState& state,
+void HandForces::FindPressed(const CombinedRods& rods, const WireState& state,
                              const Sliding& sliding, QuadraticModel& quadratic) {
   hands_ = {};
+  const InstrumentStack& stack = rods.stack();
   for (int c = 0; c < stack.curves(); ++c) {
     const int n = state.curve(c).segments();
     std::vector<std::array<double, kMostInstruments>>& out =
         quadratic.curve(c).points.between.pressed_N;
     out.assign(n, {});
-    const OnCurve on = CurveOf(stack, state, quadratic, c, loads_);
+    const OnCurve on = CurveOf(rods, state, quadratic, c, loads_);
     if (n == 0 || on.range.last - on.range.first < 2) continue;
     pressed_N_.assign(n + 1, {});
     section_forces_ = {};
@@ -281,18 +282,19 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
   }
 }
 
-void HandForces::Find(const InstrumentStack& stack, const WireState& state,
+void HandForces::Find(const CombinedRods& rods, const WireState& state,
                       const QuadraticModel& quadratic, const InternalForces& forces,
                       const Sliding& sliding) {
   hands_ = {};
   const int farthest = state.FarthestCurve();
+  const InstrumentStack& stack = rods.stack();
   for (int c = 0; c < stack.curves(); ++c) {
     const int n = state.curve(c).segments();
     if (n == 0) continue;
     section_forces_ = {};
     pressed_N_.assign(n + 1, {});
     if (c != farthest) FindCurveLoads(state, quadratic, c, loads_);
-    FindOnCurve(stack, CurveOf(stack, state, quadratic, c, c == farthest ? forces.loads : loads_),
+    FindOnCurve(stack, CurveOf(rods, state, quadratic, c, c == farthest ? forces.loads : loads_),
                 forces, sliding);
     const PointSet& points = quadratic.curve(c).points;
     const std::vector<double>& torque_mJ = forces.surface_torque_mJ[c];
@@ -300,7 +302,7 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
       hands_[points.SurfaceAt(q)].torque_mJ -= torque_mJ[q];
     }
   }
-  if (stack.rod().spins() > 0) return;
+  if (rods[0].spins() > 0) return;
   // Lumen friction turns surfaces that do not twist.
   for (const BetweenCurves& between : quadratic.between) {
     for (const BetweenCurves::Slide& slide : between.slides) {

@@ -7,6 +7,7 @@
 
 #include "host/simulator/core/instrument_pose.h"
 #include "host/simulator/core/internal_forces.h"
+#include "host/simulator/core/stack/combined_rods.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_state.h"
 
@@ -31,12 +32,12 @@ struct Sliding {
 class HandForces {
  public:
   /// `forces`: result of FindInternalForces for the state of `quadratic`. O(n).
-  void Find(const InstrumentStack& stack, const WireState& state, const QuadraticModel& quadratic,
+  void Find(const CombinedRods& rods, const WireState& state, const QuadraticModel& quadratic,
             const InternalForces& forces, const Sliding& sliding);
   /// Finds only the contact force of each instrument against the next one around it on its curve,
   /// by segment. This is PointSet::Between::pressed_N of `quadratic`. Has no effect if the
   /// coefficient is 0. O(n); no heap after Reserve.
-  void FindPressed(const InstrumentStack& stack, const WireState& state, const Sliding& sliding,
+  void FindPressed(const CombinedRods& rods, const WireState& state, const Sliding& sliding,
                    QuadraticModel& quadratic);
   /// Reserves room for rods of `segments` segments.
   void Reserve(int segments, int points_per_segment);
@@ -65,7 +66,7 @@ class HandForces {
     bool inside = false;    // it reaches the node
   };
 
-  static OnCurve CurveOf(const InstrumentStack& stack, const WireState& state,
+  static OnCurve CurveOf(const CombinedRods& rods, const WireState& state,
                          const QuadraticModel& quadratic, int number, const CurveLoads& loads);
   void FindOnCurve(const InstrumentStack& stack, const OnCurve& on, const InternalForces& forces,
                    const Sliding& sliding);

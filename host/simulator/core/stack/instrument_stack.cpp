@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-namespace torquer {
+#include "host/simulator/core/stack/combined_rods.h"
 
-using Eigen::Vector2d;
+namespace torquer {
 
 namespace {
 
@@ -115,23 +115,9 @@ void CheckCurves(const std::vector<WireModel>& instruments, const Clearance& cle
   }
 }
 
-// Rod with room for all instruments, in the sheath of instrument `of`; Combine fills it.
-std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments, int of) {
-  const WireModel& first = instruments[of];
-  double longest_mm = 0;
-  for (const WireModel& model : instruments) {
-    longest_mm = std::max(longest_mm, model.max_length_mm());
-  }
-  const WireSection section{.rigidity_N_mm2 = first.rigidity_N_mm2(0),
-                            .radius_mm = first.radius_mm(0)};
-  return std::make_unique<WireModel>(first.segment_mm(), std::vector<WireSection>{section}, 0,
-                                     longest_mm, first.law(), first.sheath());
-}
-
 }  // namespace
 
-InstrumentStack::InstrumentStack(const WireModel& wire)
-    : instruments_{&wire}, rods_{&wire}, ranges_{{0, 1}} {}
+InstrumentStack::InstrumentStack(const WireModel& wire) : instruments_{&wire}, ranges_{{0, 1}} {}
 
 InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance)
     : owned_(std::move(instruments)), clearance_(clearance) {
@@ -139,7 +125,6 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
   CheckCurves(owned_, clearance);
   for (const WireModel& model : owned_) instruments_.push_back(&model);
   if (size() == 1) {
-    rods_ = {instruments_.front()};
     ranges_ = {{0, 1}};
     return;
   }
@@ -147,14 +132,8 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
     if (k == 0 || clearance.has_room[k] || clearance.is_beside[k]) ranges_.push_back({k, k});
     ranges_.back().last = k + 1;
   }
-  for (int c = 0; c < curves(); ++c) {
-    combined_.push_back(EmptyRod(owned_, OnCurve(c).first));
-    rods_.push_back(combined_.back().get());
-  }
-  members_.resize(combined_.size());
-  joints_.resize(rod().max_segments() + 1);
-  if (instrument(0).twists()) twisting_.resize(joints_.size());
-  Combine(InstrumentPoses(size()));
+  const CombinedRods rods(*this);
+  for (int c = 0; c < curves(); ++c) empty_rods_.push_back(rods[c]);
 }
 
 InstrumentPoses InstrumentStack::Bounded(const InstrumentPoses& poses) const {
@@ -251,143 +230,6 @@ int InstrumentStack::LumenAt(int curve, const InstrumentPoses& poses, double arc
   return found;
 }
 
-// Collects the instruments of a curve in a rod that ends at `end_mm`, in order of decreasing reach.
-// With equal reach, the innermost comes first. Returns their number.
-int InstrumentStack::Gather(const InstrumentPoses& poses, Range range, double end_mm,
-                            Members& members) const {
-  const auto [first, last] = range;
-  for (int k = first; k < last; ++k) {
-    Member& member = members[k - first];
-    const double rotation = poses[k].rotation_rad;
-    member.model = &instrument(k);
-    member.instrument = static_cast<std::size_t>(k);
-    member.behind_mm = end_mm - poses[k].insertion_mm;
-    member.near_mm = std::min(poses[k].insertion_mm, 2 * instrument(k).segment_mm());
-    member.turn << std::cos(rotation), std::sin(rotation);
-  }
-  const int count = last - first;
-  for (int k = 1; k < count; ++k) {
-    for (auto m = static_cast<std::size_t>(k);
-         m > 0 && members[m].behind_mm < members[m - 1].behind_mm; --m) {
-      std::swap(members[m], members[m - 1]);
-    }
-  }
-  return count;
-}
-
-void InstrumentStack::Combine(const InstrumentPoses& poses) {
-  for (std::size_t c = 0; c < combined_.size(); ++c) {
-    const int curve = static_cast<int>(c);
-    Members members;
-    const int count = Gather(poses, OnCurve(curve), Reach(curve, poses), members);
-    // Instruments that move as one keep their rod.
-    if (members == members_[c]) continue;
-    members_[c] = members;
-    CombineRod(members, OnCurve(curve).first, count, *combined_[c]);
-  }
-}
-
-namespace {
-
-// Part of a segment that an instrument covers, if the segment's distal end is `beyond_mm` from the
-// instrument's tip. The first segment may be half as long as the others. So the part also falls to
-// 0 as the tip reaches the sheath.
-double CoveredPart(double beyond_mm, double inserted_mm, double segment_mm) {
-  const double covered = std::clamp(1 + beyond_mm / segment_mm, 0.0, 1.0);
-  return covered * std::min(2 * inserted_mm / segment_mm, 1.0);
-}
-
-}  // namespace
-
-void InstrumentStack::CombineRod(const Members& members, int first, int count, WireModel& rod) {
-  const double lambda = rod.segment_mm();
-  std::array<RodJoints::Member, kMostInstruments> placed;
-  for (int m = 0; m < count; ++m) {
-    placed[m] = {&members[m].model->sections(), members[m].behind_mm,
-                 EndInSheath(members[m].behind_mm, members[m].near_mm, lambda)};
-  }
-  RodJoints integrals(placed, count, lambda);
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const int from_tip = static_cast<int>(k);
-    const double from_tip_mm = from_tip * lambda;
-    const JointIntegrals& integral = integrals.At(from_tip);
-    WireModel::Joint& joint = joints_[k];
-    joint.rigidity_N_mm2 = integral.rigidity_N_mm2;
-    joint.rest_rad.setZero();
-    joint.radius_mm = members[0].model->radius_mm(from_tip);
-    for (int m = 0; m < count; ++m) {
-      const Member& member = members[m];
-      joint.rest_rad += Turned(integral.bend_rad[m], member.turn);
-      if (m == 0) continue;
-      // The radius is that of the segment proximal of the joint, at its distal end. A segment that
-      // an instrument covers in part has a mean radius.
-      const double beyond_mm = from_tip_mm - member.behind_mm;
-      const double covered = CoveredPart(beyond_mm, member.near_mm, lambda);
-      if (covered == 0) continue;
-      const double added_mm = SectionAt(member.model->sections(), beyond_mm).radius_mm;
-      joint.radius_mm += covered * std::max(0.0, added_mm - joint.radius_mm);
-    }
-    if (twisting_.empty()) {
-      joint.mutual_mJ = MutualOf(members, count, integral);
-    } else {
-      CombineTwists(members, count, integral, from_tip_mm, twisting_[k]);
-    }
-  }
-  const int tip_segments = members[0].model->tip_segments();
-  if (twisting_.empty()) {
-    rod.ReplaceJoints(joints_, tip_segments);
-  } else {
-    rod.ReplaceJoints(joints_, twisting_, first, count, tip_segments);
-  }
-}
-
-// Adds (38) over the pairs, each turned by its hands.
-double InstrumentStack::MutualOf(const Members& members, int count,
-                                 const JointIntegrals& integrals) {
-  double energy_mJ = 0;
-  for (int b = 0; b < count; ++b) {
-    for (int a = 0; a < b; ++a) {
-      const JointIntegrals::Pair& pair = integrals.pairs[a][b];
-      if (pair.constant_mJ == 0) continue;  // both are straight
-      const Eigen::Vector2d& of_a = members[a].turn;
-      const Eigen::Vector2d& of_b = members[b].turn;
-      const double sine = of_a[0] * of_b[1] - of_a[1] * of_b[0];
-      energy_mJ += pair.constant_mJ - pair.along_mJ * of_a.dot(of_b) - pair.across_mJ * sine;
-    }
-  }
-  return energy_mJ;
-}
-
-double InstrumentStack::MutualEnergyMJ(int number, const Curve& curve) const {
-  if (combined_.empty()) return 0;
-  const WireModel& model = rod(number);
-  double energy_mJ = 0;
-  for (int i = 0; i < curve.segments(); ++i) {
-    const double fraction = JointLength(model, curve, i) / model.segment_mm();
-    energy_mJ += fraction * model.mutual_mJ(curve.segments() - i);
-  }
-  return energy_mJ;
-}
-
-void InstrumentStack::CombineTwists(const Members& members, int count,
-                                    const JointIntegrals& integrals, double from_tip_mm,
-                                    WireModel::TwistingJoint& joint) const {
-  joint = WireModel::TwistingJoint();
-  for (int b = 0; b < count; ++b) {
-    const Member& member = members[b];
-    WireModel::TwistingJoint::Contribution& from = joint.of[member.instrument];
-    from.bend_rad = integrals.bend_rad[b];
-    from.torsional_rigidity_N_mm2 = JointTorsionalRigidity(
-        member.model->sections(), from_tip_mm - member.behind_mm, member.model->segment_mm());
-    for (int a = 0; a < b; ++a) {
-      const JointIntegrals::Pair& pair = integrals.pairs[a][b];
-      const auto [first, second] = std::minmax(members[a].instrument, member.instrument);
-      const double across_mJ = first == member.instrument ? -pair.across_mJ : pair.across_mJ;
-      joint.mutual[first][second] = {pair.constant_mJ, pair.along_mJ, across_mJ};
-    }
-  }
-}
-
 namespace {
 
 // Node before an arc length, and the distance beyond that node.
@@ -396,32 +238,32 @@ struct Stretch {
   double beyond_mm;
 };
 
-Stretch Find(const WireModel& rod, const Curve& curve, double insertion_mm) {
-  const double s = std::clamp(insertion_mm, 0.0, curve.ArcLength(rod));
+Stretch Find(const WireModel& model, const Curve& curve, double insertion_mm) {
+  const double s = std::clamp(insertion_mm, 0.0, curve.ArcLength(model));
   if (curve.segments() == 0 || s <= curve.first_segment_mm()) return {0, s};
   const double past = s - curve.first_segment_mm();
-  const int k = std::min(static_cast<int>(past / rod.segment_mm()), curve.segments() - 2);
-  return {k + 1, past - k * rod.segment_mm()};
+  const int k = std::min(static_cast<int>(past / model.segment_mm()), curve.segments() - 2);
+  return {k + 1, past - k * model.segment_mm()};
 }
 
 }  // namespace
 
-Eigen::Vector3d PointAt(const WireModel& rod, const Curve& curve, double insertion_mm) {
-  const Stretch at = Find(rod, curve, insertion_mm);
+Eigen::Vector3d PointAt(const WireModel& model, const Curve& curve, double insertion_mm) {
+  const Stretch at = Find(model, curve, insertion_mm);
   if (curve.segments() == 0) return curve.nodes().front();
   return curve.nodes()[at.node] + at.beyond_mm * curve.tangents()[at.node];
 }
 
-int NodesBefore(const WireModel& rod, const Curve& curve, double insertion_mm) {
-  const Stretch at = Find(rod, curve, insertion_mm);
+int NodesBefore(const WireModel& model, const Curve& curve, double insertion_mm) {
+  const Stretch at = Find(model, curve, insertion_mm);
   return at.node + (at.beyond_mm > 0 ? 1 : 0);
 }
 
-void TakeNodes(const WireModel& rod, const Curve& curve, double insertion_mm,
+void TakeNodes(const WireModel& model, const Curve& curve, double insertion_mm,
                std::vector<Eigen::Vector3d>& out) {
-  const Stretch at = Find(rod, curve, insertion_mm);
+  const Stretch at = Find(model, curve, insertion_mm);
   out.assign(curve.nodes().begin(), curve.nodes().begin() + at.node + 1);
-  if (at.beyond_mm > 0) out.push_back(PointAt(rod, curve, insertion_mm));
+  if (at.beyond_mm > 0) out.push_back(PointAt(model, curve, insertion_mm));
 }
 
 }  // namespace torquer

@@ -1,27 +1,18 @@
-// Instrument stack: instruments within each other, combined to one rod.
+// Instrument stack: instruments within each other, and the curves on which they lie. It stays
+// constant while they are simulated.
 //
-//   sheath |==========================------------------........   outermost: a guiding catheter,
-//          |                                                       in it a microcatheter, in it
-//          |  all three: EI adds up      two              one      the guidewire
-//
-// All lie on one curve. At a place with several instruments, rigidities add up, and the rod rests
-// at
-//   kappa = sum(EI_k kappa_k) / sum(EI_k)                                        (README (30)).
-// Every rest curvature turns with its instrument: with the hand or, with twist, with the local turn
-// (core/README.md section 17). The leader is the instrument that reaches farthest: the segments of
-// the rod are its material. An instrument that slides in the others changes the rod's properties,
-// not its position. A tip divides the joints around it into parts with and parts without the
-// instrument. A tip that passes that of the leader coincides with it, and so do
-// the segments of both. A lone wire is a stack of one: it is the rod.
+// Instruments without room between them lie on one curve. Its leader is the instrument that reaches
+// farthest: the segments of the curve are its material. A tip that passes that of the leader
+// coincides with it. At that moment, so do the segments of both. combined_rods.h adds up the
+// instruments of a curve.
 //
 // Room in a lumen divides the instruments into curves (core/README.md section 18). Curve 0 has the
 // innermost ones, and each lumen with room begins another. So does an instrument that lies beside
-// the earlier ones. Each curve has its own rod and segments.
+// the earlier ones. Each curve has its own segments.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -69,8 +60,11 @@ class InstrumentStack {
   const WireModel& instrument(int k) const { return *instruments_[k]; }
   /// Number of curves on which the instruments lie.
   int curves() const { return static_cast<int>(ranges_.size()); }
-  /// Rod of the instruments of a curve at the poses of the last Combine.
-  const WireModel& rod(int curve = 0) const { return *rods_[curve]; }
+  /// Rod of a curve before its instruments are inserted. It has the sheath, segments, spins and
+  /// largest length of the curve. CombinedRods has the rods of inserted instruments.
+  const WireModel& empty_rod(int curve = 0) const {
+    return empty_rods_.empty() ? instrument(0) : empty_rods_[curve];
+  }
   const Clearance& clearance() const { return clearance_; }
   /// Instruments `first` to `last` - 1 of a curve.
   struct Range {
@@ -107,52 +101,24 @@ class InstrumentStack {
   /// the motion stops when it reaches the leader. The last step ends at `goal` exactly.
   InstrumentPoses Towards(const InstrumentPoses& goal, const InstrumentPoses& here, double feed_mm,
                           double turn_rad) const;
-  /// Sets the rods to the combined instruments at `poses`. O(segments), no heap; no effect for a
-  /// lone wire.
-  void Combine(const InstrumentPoses& poses);
-  /// Energy of the instruments of a curve that bend each other, at the poses of the last Combine,
-  /// mJ. It acts on no shape, so the rod does not have it. 0 if they twist: then their spins have
-  /// it.
-  double MutualEnergyMJ(int number, const Curve& curve) const;
 
  private:
-  // An instrument in a rod, and the distance of its tip behind the rod's end.
-  struct Member {
-    const WireModel* model = nullptr;
-    std::size_t instrument = 0;
-    double behind_mm = 0;
-    double near_mm = 0;  // length past the sheath, at most two segments
-    Eigen::Vector2d turn = {1, 0};
-
-    bool operator==(const Member&) const = default;
-  };
-  using Members = std::array<Member, kMostInstruments>;
-
   bool LiesBeside(int curve) const { return clearance_.is_beside[OnCurve(curve).first]; }
-  int Gather(const InstrumentPoses& poses, Range range, double end_mm, Members& members) const;
-  void CombineRod(const Members& members, int first, int count, WireModel& rod);
-  static double MutualOf(const Members& members, int count, const JointIntegrals& integrals);
-  void CombineTwists(const Members& members, int count, const JointIntegrals& integrals,
-                     double from_tip_mm, WireModel::TwistingJoint& joint) const;
 
   std::vector<WireModel> owned_;
   std::vector<const WireModel*> instruments_;
-  std::vector<std::unique_ptr<WireModel>> combined_;  // by curve; empty for a lone wire
-  std::vector<const WireModel*> rods_;                // by curve
-  std::vector<Range> ranges_;                         // by curve
-  std::vector<Members> members_;                      // by curve: of its rod
-  std::vector<WireModel::Joint> joints_;
-  std::vector<WireModel::TwistingJoint> twisting_;  // empty without twist
+  std::vector<Range> ranges_;          // by curve
+  std::vector<WireModel> empty_rods_;  // by curve; empty for a lone wire
   Clearance clearance_;
 };
 
-/// Nodes of a rod up to an instrument's insertion; the last is the instrument's tip. Overwrites
-/// `out`.
-void TakeNodes(const WireModel& rod, const Curve& curve, double insertion_mm,
+/// Nodes of a curve up to an instrument's insertion; the last is the instrument's tip. `model`: an
+/// instrument or the rod of the curve. Overwrites `out`.
+void TakeNodes(const WireModel& model, const Curve& curve, double insertion_mm,
                std::vector<Eigen::Vector3d>& out);
 /// Number of nodes of that part before the tip.
-int NodesBefore(const WireModel& rod, const Curve& curve, double insertion_mm);
+int NodesBefore(const WireModel& model, const Curve& curve, double insertion_mm);
 /// Position of that tip.
-Eigen::Vector3d PointAt(const WireModel& rod, const Curve& curve, double insertion_mm);
+Eigen::Vector3d PointAt(const WireModel& model, const Curve& curve, double insertion_mm);
 
 }  // namespace torquer

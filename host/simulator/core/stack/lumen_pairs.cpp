@@ -30,7 +30,7 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
       in_lumen_mm_(static_cast<std::size_t>(stack.curves())),
       ends_(static_cast<std::size_t>(stack.curves())),
       leaves_mm_(in_lumen_mm_.size() * in_lumen_mm_.size()) {
-  const auto segments = static_cast<std::size_t>(stack.rod().max_segments()) + 1;
+  const auto segments = static_cast<std::size_t>(stack.empty_rod().max_segments()) + 1;
   const auto pieces =
       segments * static_cast<std::size_t>(LumenPairs::PiecesPerSegment(points_per_segment));
   const auto cross = [&](int inner, int outer) {
@@ -84,12 +84,12 @@ double CrossingMm(const Vector3d& begin, const Vector3d& direction, double from_
 }  // namespace
 
 // Adds the places of a pair, from `walk` to the mouth or the tip. Returns true at the tip.
-bool CurvePairs::WalkLumen(const InstrumentStack& stack, const WireState& state, Walk& walk,
+bool CurvePairs::WalkLumen(const CombinedRods& rods, const WireState& state, Walk& walk,
                            LumenPairs& out) const {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{stack, state.poses(), stack.rod(out.inner), stack.rod(out.outer),
-                  inner, outer,         with_spots_,          out};
+  PairBuilder add{rods.stack(), state.poses(), rods[out.inner], rods[out.outer],
+                  inner,        outer,         with_spots_,     out};
   int& m = walk.outer_segment;
   bool begun = false;
   out.at_mouth = false;
@@ -122,7 +122,7 @@ bool CurvePairs::WalkLumen(const InstrumentStack& stack, const WireState& state,
   return true;
 }
 
-void CurvePairs::Find(const InstrumentStack& stack, const WireState& state, bool with_spots) {
+void CurvePairs::Find(const CombinedRods& rods, const WireState& state, bool with_spots) {
   with_spots_ = with_spots;
   for (LumenPairs& pairs : pairs_) {
     pairs.groups.clear();
@@ -132,29 +132,30 @@ void CurvePairs::Find(const InstrumentStack& stack, const WireState& state, bool
   std::fill(leaves_mm_.begin(), leaves_mm_.end(), 0);
   // From the outermost inwards: an instrument that leaves a curve through its mouth is where that
   // curve's tip is.
-  for (int inner = curves_ - 1; inner >= 0; --inner) FindInLumens(stack, state, inner);
+  for (int inner = curves_ - 1; inner >= 0; --inner) FindInLumens(rods, state, inner);
   for (LumenPairs& pairs : pairs_) {
     if (!pairs.ordered) {
-      FindCrossing(stack, state, pairs);
+      FindCrossing(rods, state, pairs);
     } else if (pairs.beside) {
-      FindBeside(stack, state, pairs);
+      FindBeside(rods, state, pairs);
     }
   }
-  OrderBeside(stack, state);
+  OrderBeside(rods, state);
 }
 
-void CurvePairs::FindInLumens(const InstrumentStack& stack, const WireState& state, int inner) {
+void CurvePairs::FindInLumens(const CombinedRods& rods, const WireState& state, int inner) {
   End& end = ends_[inner];
   end = {curves_, 0};
   const Curve& curve = state.curve(inner);
   Walk walk;
+  const InstrumentStack& stack = rods.stack();
   int outer = stack.CurveAround(inner);
   while (outer < curves_ && state.curve(outer).segments() == 0) outer = stack.CurveAround(outer);
   bool at_tip = false;
   while (outer < curves_ && curve.segments() > 0) {
-    at_tip = WalkLumen(stack, state, walk, PairsOf(inner, outer));
+    at_tip = WalkLumen(rods, state, walk, PairsOf(inner, outer));
     LeavesMm(inner, outer) =
-        at_tip ? kInfinite : ArcMm(stack.rod(inner), curve, walk.segment) + walk.past_mm;
+        at_tip ? kInfinite : ArcMm(rods[inner], curve, walk.segment) + walk.past_mm;
     if (at_tip) {
       end = {outer, walk.outer_segment};
       break;
@@ -163,8 +164,7 @@ void CurvePairs::FindInLumens(const InstrumentStack& stack, const WireState& sta
     outer = mouth.in_curve;
     walk.outer_segment = mouth.segment;
   }
-  in_lumen_mm_[inner] =
-      at_tip ? kInfinite : ArcMm(stack.rod(inner), curve, walk.segment) + walk.past_mm;
+  in_lumen_mm_[inner] = at_tip ? kInfinite : ArcMm(rods[inner], curve, walk.segment) + walk.past_mm;
 }
 
 // Curve in whose lumen a curve lies at an arc length; curves_ if it lies in the vessel.

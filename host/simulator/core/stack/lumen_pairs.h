@@ -24,6 +24,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "host/simulator/core/stack/combined_rods.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_state.h"
 
@@ -107,7 +108,7 @@ class CurvePairs {
   CurvePairs(const InstrumentStack& stack, int points_per_segment);
 
   /// Finds the pairs of a state. `with_spots`: something slides in the lumens. O(segments).
-  void Find(const InstrumentStack& stack, const WireState& state, bool with_spots);
+  void Find(const CombinedRods& rods, const WireState& state, bool with_spots);
 
   const std::vector<LumenPairs>& of_curves() const { return pairs_; }
   /// Arc length, mm, up to which a curve lies in the lumen of another one. Infinite if all of it
@@ -122,14 +123,14 @@ class CurvePairs {
   int LumenOf(const InstrumentStack& stack, int curve, double arc_mm) const;
   bool ShareLumen(const InstrumentStack& stack, const LumenPairs& pairs,
                   const BesidePlace& place) const;
-  void FindInLumens(const InstrumentStack& stack, const WireState& state, int inner);
+  void FindInLumens(const CombinedRods& rods, const WireState& state, int inner);
   LumenPairs& AddPairs(int inner, int outer);
-  void FindBeside(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
-  void FindCrossing(const InstrumentStack& stack, const WireState& state, LumenPairs& out);
-  void OrderBeside(const InstrumentStack& stack, const WireState& state);
-  void MoveGroup(const InstrumentStack& stack, const WireState& state, const SegmentPair& on,
-                 int group, LumenPairs& pairs) const;
-  bool WalkLumen(const InstrumentStack& stack, const WireState& state, Walk& walk,
+  void FindBeside(const CombinedRods& rods, const WireState& state, LumenPairs& out) const;
+  void FindCrossing(const CombinedRods& rods, const WireState& state, LumenPairs& out);
+  void OrderBeside(const CombinedRods& rods, const WireState& state);
+  void MoveGroup(const CombinedRods& rods, const WireState& state, const SegmentPair& on, int group,
+                 LumenPairs& pairs) const;
+  bool WalkLumen(const CombinedRods& rods, const WireState& state, Walk& walk,
                  LumenPairs& out) const;
 
   LumenPairs& PairsOf(int inner, int outer);

@@ -27,8 +27,8 @@ struct ContrastSettings {
 
 class Contrast final : public Effect, public Evolution, public Observer {
  public:
-  /// `flow` and `wire`, the rod of all instruments, must outlive this. kEntry injects at the entry
-  /// of the wire.
+  /// `flow` and `wire` must outlive this. `wire`: the empty rod of the innermost curve. kEntry
+  /// injects at its entry.
   Contrast(const Flow& flow, const ContrastSettings& settings, const WireModel& wire);
 
   Evolution* evolution() override { return this; }

@@ -39,9 +39,9 @@ struct StenosisLoss {
   double loss_mmHg_s2_mL2 = 0;
 };
 
-/// Obstruction of the flow: the rod of all instruments, in the middle of the lumen.
+/// Obstruction of the flow: the instruments, in the middle of the lumen.
 struct Obstruction {
-  const WireModel* wire = nullptr;  ///< null: no obstruction
+  const WireModel* wire = nullptr;  ///< an empty rod; null: no obstruction
   const vessel::MovingField* moving = nullptr;
 };
 

@@ -25,7 +25,7 @@ FrictionBetween::FrictionBetween(double coefficient, double slip_mm, const Effec
     in_lumen_.emplace(coefficient, slip_mm, context);
   }
   on_curves_.resize(static_cast<std::size_t>(stack_.curves()));
-  if (!stack_.rod().stack_twists()) return;
+  if (!stack_.empty_rod().stack_twists()) return;
   for (OnCurve& on : on_curves_) {
     on.anchors.resize(static_cast<std::size_t>(context.wire.max_segments()) + 1);
   }

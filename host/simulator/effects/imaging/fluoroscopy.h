@@ -21,8 +21,8 @@ namespace torquer::effects {
 
 class Fluoroscopy final : public Effect, public ImageSource, public Observer {
  public:
-  /// wire: the rod of all instruments. contrast: null for no dye. motions: the motions of the
-  /// vessel. All outlive this. instruments: at least one.
+  /// wire: the empty rod of the innermost curve. contrast: null for no dye. motions: the motions of
+  /// the vessel. All outlive this. instruments: at least one.
   Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire, const Contrast* contrast,
               std::vector<const vessel::FieldMotion*> motions, std::vector<Instrument> instruments);
 

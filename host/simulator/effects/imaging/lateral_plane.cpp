@@ -29,7 +29,8 @@ TickView With(const TickView& tick, const Controls& controls) {
           .target = tick.target,
           .state = tick.state,
           .quadratic = tick.quadratic,
-          .report = tick.report};
+          .report = tick.report,
+          .rods = tick.rods};
 }
 
 }  // namespace

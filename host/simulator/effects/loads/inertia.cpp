@@ -36,7 +36,7 @@ Inertia::Inertia(Settings settings, const EffectContext& context)
   const int curves = context.stack == nullptr ? 1 : context.stack->curves();
   for (int c = 0; c < curves; ++c) {
     Curve& curve = curves_.emplace_back();
-    curve.sheath = (context.stack == nullptr ? context.wire : context.stack->rod(c)).sheath();
+    curve.sheath = (context.stack == nullptr ? context.wire : context.stack->empty_rod(c)).sheath();
     curve.material.resize(points);
   }
 }

@@ -1,11 +1,12 @@
 #include "host/simulator/effects/observers/internal_forces.h"
 
+#include <cassert>
+
 #include "host/simulator/effects/contact/friction_between.h"
 
 namespace torquer::effects {
 
-InternalForceObserver::InternalForceObserver(const EffectContext& context)
-    : stack_(*context.stack) {
+InternalForceObserver::InternalForceObserver(const EffectContext& context) {
   for (const Instrument& instrument : context.instruments) names_.push_back(instrument.name);
   if (context.earlier == nullptr) return;
   for (const std::unique_ptr<Effect>& effect : *context.earlier) {
@@ -26,9 +27,10 @@ void InternalForceObserver::Restart() {
 }
 
 void InternalForceObserver::Observe(const TickView& tick) {
-  FindInternalForces(stack_.rod(tick.state.FarthestCurve()), tick.state, tick.quadratic, terms_,
-                     forces_);
-  hands_.Find(stack_, tick.state, tick.quadratic, forces_,
+  assert(tick.rods != nullptr);
+  const CombinedRods& rods = *tick.rods;
+  FindInternalForces(rods[tick.state.FarthestCurve()], tick.state, tick.quadratic, terms_, forces_);
+  hands_.Find(rods, tick.state, tick.quadratic, forces_,
               sliding_ == nullptr ? Sliding() : *sliding_);
 }
 

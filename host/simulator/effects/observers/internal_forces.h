@@ -12,7 +12,7 @@ namespace torquer::effects {
 
 class InternalForceObserver final : public Effect, public Observer {
  public:
-  /// `context` needs its stack and instruments. Friction between instruments is that of the
+  /// `context` needs its instruments. Friction between instruments is that of the
   /// friction effect made before this one; without such an effect there is none.
   explicit InternalForceObserver(const EffectContext& context);
 
@@ -27,7 +27,6 @@ class InternalForceObserver final : public Effect, public Observer {
   }
 
  private:
-  const InstrumentStack& stack_;
   std::vector<std::string> names_;
   std::vector<EnergyTerm*> terms_;
   const Sliding* sliding_ = nullptr;  ///< null without friction between instruments

@@ -67,9 +67,9 @@ void Outlets::CopyFrom(const Effect& twin) {
 double Outlets::NearestMm(int instrument, const WireState& state) const {
   const Curve& curve = state.CurveOf(instrument);
   const double insertion_mm = state.poses()[instrument].insertion_mm;
-  const WireModel& rod = stack_.rod();
-  const int last = NodesBefore(rod, curve, insertion_mm);
-  const int first = std::max(0, last - static_cast<int>(kTipPartMm / rod.segment_mm()));
+  const WireModel& model = stack_.instrument(instrument);
+  const int last = NodesBefore(model, curve, insertion_mm);
+  const int first = std::max(0, last - static_cast<int>(kTipPartMm / model.segment_mm()));
   double nearest_mm = std::numeric_limits<double>::infinity();
   const auto look = [&](const Vector3d& place) {
     const Vector3d at = moving_ == nullptr ? place : moving_->AtRest(place);
@@ -79,8 +79,8 @@ double Outlets::NearestMm(int instrument, const WireState& state) const {
     }
   };
   for (int i = first; i < last; ++i) look(curve.nodes()[static_cast<std::size_t>(i)]);
-  look(PointAt(rod, curve, insertion_mm));
-  return nearest_mm - stack_.instrument(instrument).radius_mm(0);
+  look(PointAt(model, curve, insertion_mm));
+  return nearest_mm - model.radius_mm(0);
 }
 
 bool Outlets::Limit(const WireState& state, InstrumentPoses& target) const {
