@@ -9,7 +9,7 @@ import sys
 import pytest
 from batch_runs import ENVIRONMENT, cases, check_whole, study
 
-COMMANDS = {"torquer": "torquer", "torquer-batch": "torquer.batch", "torquer-import": "torquer.importer", "torquer-trainees": "torquer.trainees", "torquer-validate": "torquer.validate"}
+COMMANDS = {"torquer": "torquer", "torquer-batch": "torquer.batch", "torquer-identify": "torquer.identify", "torquer-import": "torquer.importer", "torquer-trainees": "torquer.trainees", "torquer-validate": "torquer.validate"}
 FULL = os.open("/dev/full", os.O_WRONLY | os.O_CLOEXEC)
 
 
