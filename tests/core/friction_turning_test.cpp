@@ -112,8 +112,10 @@ std::vector<double> TorquesOfTurned(const std::vector<double>& radii_mm, double 
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
   WireState state = WireState::Along(stack.empty_rod(), {Vector3d(100, 0, 0.4 - kBore)}, poses);
   relaxation->Restart(state);
-  for (int turn = 0; turn < 700; ++turn) {
-    for (int k = 0; k < stack.size(); ++k) poses[k].rotation_rad -= 0.02;
+  // Longer than the stack needs to climb.
+  const int turns = Rounds(700, 4);
+  for (int turn = 0; turn < turns; ++turn) {
+    for (int k = 0; k < stack.size(); ++k) poses[k].rotation_rad -= 14.0 / turns;
     REQUIRE(Settle(*relaxation, poses, state, 50).converged);
   }
   InternalForces forces;
@@ -183,6 +185,7 @@ TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the wa
   constexpr double kLoad = 1e-3;
   const double slides_rad = GENERATE(0.0, 0.5, 1.2);
   const double torsional_rigidity = GENERATE(0.0, 10.0);
+  if (kUnderSanitizer && (slides_rad == 0.5) != (torsional_rigidity == 0)) return;
   const WireModel model =
       MakeWire({.segment_mm = 1,
                 .rigidity_N_mm2 = 1e-3,

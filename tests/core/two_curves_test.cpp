@@ -51,7 +51,9 @@ const std::vector<Room>& Rooms() {
 TEST_CASE("Gradient of several curves is that of finite differences") {
   const auto k = GENERATE(range(std::size_t{0}, Rooms().size()));
   const Room& one = Rooms()[k];
-  TwoCurves curves(one.poses, GENERATE(1, 2, 4), 11, GENERATE(0.0, 0.7), one.rooms, one.beside);
+  const int points = GENERATE(1, 2, 4);
+  if (kUnderSanitizer && points != 1 << (k % 3)) return;
+  TwoCurves curves(one.poses, points, 11, GENERATE(0.0, 0.7), one.rooms, one.beside);
   CAPTURE(k, curves.PressedN());
   REQUIRE(curves.at.max_penetration_mm > 0.05);
   REQUIRE(curves.PressedN() > 0);
@@ -160,8 +162,9 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
 
 TEST_CASE("A copy of two curves continues like the original") {
   const double ratio = GENERATE(0.0, 0.7);
-  LooseArcs a(ratio);
   const int copied = GENERATE(37, 130, 190);  // each instrument leads
+  if (kUnderSanitizer && (ratio == 0) != (copied == 130)) return;
+  LooseArcs a(ratio);
   for (int k = 1; k <= copied; ++k) {
     CountedBudget budget(5);
     a.relaxation->Tick(Pass(k), budget, a.state);

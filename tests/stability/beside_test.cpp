@@ -139,7 +139,7 @@ TEST_CASE("Instruments beside each other never pass through each other, for any 
   const char* text = std::getenv("TORQUER_SEED");
   const unsigned first =
       text == nullptr ? 1 : static_cast<unsigned>(std::strtoul(text, nullptr, 10));
-  for (unsigned seed = first; seed < first + static_cast<unsigned>(Rounds(16, 2)); ++seed) {
+  for (unsigned seed = first; seed < first + static_cast<unsigned>(Rounds(16, 8)); ++seed) {
     INFO("TORQUER_SEED=" << seed);
     std::mt19937 random(seed);
     DrawnBeside drawn(layout, random);

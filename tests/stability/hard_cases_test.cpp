@@ -44,7 +44,7 @@ TEST_CASE("Hard cases stay stable: the paper's method") { RunAll(Way::kPaper); }
 TEST_CASE("Wires, walls and hands drawn at random stay stable") {
   const HardCase hard = HardCases().back();
   REQUIRE(hard.name == "anything at random");
-  for (unsigned k = 0; k < static_cast<unsigned>(test::Rounds(6, 3)); ++k) {
+  for (unsigned k = 0; k < static_cast<unsigned>(test::Rounds(6, 6)); ++k) {
     for (const Way way : {Way::kNewton, Way::kNewtonWithFriction, Way::kPaper}) {
       Run(hard, way, Seed() + k);
     }
