@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { BrowserSession, until } from "./browser_session.mjs";
+import { BrowserSession, checkMargins, until } from "./browser_session.mjs";
 
 const [root, programs] = process.argv.slice(2);
 let session;
@@ -35,11 +35,17 @@ test("both planes take pictures with the pedal, each from its side", async () =>
     (await grays("#xray-picture"))[0] > 0 && (await grays("#lateral-picture"))[0] > 0);
   assert.equal(await page.locator("#lateral-angles").textContent(), "LAO 90°  CRA 0°");
   assert.equal(await page.locator("#lao").textContent(), "LAO 0°");
+  assert.deepEqual(await page.locator("#sides span").allTextContents(), ["R", "L", "H", "F"]);
+  assert.deepEqual(await page.locator("#lateral-sides span").allTextContents(), ["A", "P", "H", "F"]);
   // From the side the body is deep and the spine is off center, so the halves differ more.
   const [front, side] = [await grays("#xray-picture"), await grays("#lateral-picture")];
   assert.ok(Math.abs(side[0] - side[1]) > Math.abs(front[0] - front[1]) + 10, `${front} from the front, ${side} from the side`);
   const [a, b] = await Promise.all(["#xray-picture", "#lateral-picture"].map((canvas) => page.locator(canvas).boundingBox()));
   assert.ok(a.x + a.width <= b.x && Math.abs(a.y - b.y) < 1 && Math.abs(a.width - b.width) < 1, "side by side, as large");
+});
+
+test("no text covers a plane, and none is cut off, in any window", async () => {
+  await checkMargins(page, ["#xray-picture", "#lateral-picture"], [[1280, 720], [1600, 900], [1024, 768], [420, 860], [860, 420]], 0.25);
 });
 
 test("window and level are those of both, the C-arm's angle is not", async () => {

@@ -1,4 +1,5 @@
 // Browser session for tests of the page: a simulator, a viewer that steers and a headless Chromium.
+import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -65,4 +66,29 @@ export class BrowserSession {
     }
     rmSync(this.folder, { recursive: true, force: true });
   }
+}
+
+/** Checks windows of some sizes: the margin's text covers no picture and is not cut off; a picture has at least that part of the width. */
+export async function checkMargins(page, pictures, sizes, leastPart) {
+  const usual = page.viewportSize();
+  for (const [width, height] of sizes) {
+    await page.setViewportSize({ width, height });
+    await page.waitForTimeout(300);
+    const found = await page.evaluate((selectors) => {
+      const at = (shown) => shown.getBoundingClientRect();
+      const shown = selectors.map((selector) => at(document.querySelector(selector)));
+      const room = at(document.querySelector("#xray"));
+      const apart = (a, b) => a.left >= b.right - 1 || a.right <= b.left + 1 || a.top >= b.bottom - 1 || a.bottom <= b.top + 1;
+      const inside = (a) => a.left >= room.left - 1 && a.right <= room.right + 1 && a.top >= room.top - 1 && a.bottom <= room.bottom + 1;
+      const bad = [...document.querySelectorAll("#xray-margin *")].filter((one) => {
+        const box = at(one);
+        return box.width > 0 && box.height > 0 && !(shown.every((picture) => apart(box, picture)) && inside(box));
+      });
+      const part = Math.min(...shown.map((picture) => picture.width / Math.min(room.width, innerHeight)));
+      return { bad: bad.map((one) => `${one.tagName} ${one.id} ${one.textContent.trim().slice(0, 20)}`), part };
+    }, pictures);
+    assert.deepEqual(found.bad, [], `${width} x ${height}`);
+    assert.ok(found.part > leastPart, `a picture has ${found.part} of the width in ${width} x ${height}`);
+  }
+  await page.setViewportSize(usual);
 }

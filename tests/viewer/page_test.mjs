@@ -2,7 +2,7 @@
 // usage: node tests/viewer/page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { BrowserSession, until } from "./browser_session.mjs";
+import { BrowserSession, checkMargins, until } from "./browser_session.mjs";
 
 const [root, programs] = process.argv.slice(2);
 let session, page;
@@ -96,6 +96,22 @@ test("arrows push and turn the wire, and a released key stops it", async () => {
 test("the C-arm follows its keys, and the picture shows it", async () => {
   await hold("KeyD", "LAO 10", async () => Number((await text("#lao")).match(/LAO (\d+)/)?.[1]) >= 10);
   await hold("KeyS", "CAU 5", async () => Number((await text("#cra")).match(/CAU (\d+)/)?.[1]) >= 5);
+});
+
+// Sides of the patient at the left, right, top and bottom edge.
+const sides = () => page.locator("#sides span").allTextContents();
+
+test("the picture names the patient's sides until the next picture", async () => {
+  // The first pictures were taken from the front, with the patient's left on the right.
+  assert.deepEqual(await sides(), ["R", "L", "H", "F"]);
+  await hold("KeyD", "LAO 30", async () => Number((await text("#lao")).match(/LAO (\d+)/)?.[1]) >= 30);
+  assert.deepEqual(await sides(), ["R", "L", "H", "F"]);
+  // The detector is on the patient's left: it sees the back on the right.
+  await hold("Space", "a picture from the left", async () => (await sides()).join() === "RA,LP,H,F");
+});
+
+test("no text covers the picture, and none is cut off, in any window", async () => {
+  await checkMargins(page, ["#xray-picture"], [[1280, 720], [1600, 900], [1024, 768], [800, 1180], [420, 860], [860, 420]], 0.6);
 });
 
 test("contrast is injected while C is held", async () => {

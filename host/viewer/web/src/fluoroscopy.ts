@@ -15,6 +15,29 @@ function angle(rad: number, positive: string, negative: string): string {
   return `${degrees < 0 ? negative : positive} ${Math.abs(degrees)}°`;
 }
 
+/** Sides of the patient at the left, right, top and bottom edge of a picture, as a viewer of the detector sees it. */
+export function sidesOf(laoRad: number, craRad: number): [string, string, string, string] {
+  // Directions to the patient's left, back and head, each with its opposite.
+  const named = (left: number, back: number, head: number) => {
+    const parts: [number, string][] = [
+      [Math.abs(left), left > 0 ? "L" : "R"],
+      [Math.abs(back), back > 0 ? "P" : "A"],
+      [Math.abs(head), head > 0 ? "H" : "F"],
+    ];
+    // A second letter from 22.5 degrees on.
+    return parts.sort((a, b) => b[0] - a[0]).filter(([part], k) => k === 0 || (k === 1 && part > 0.383)).map(([, letter]) => letter).join("");
+  };
+  const [cosLao, sinLao] = [Math.cos(laoRad), Math.sin(laoRad)];
+  const right: [number, number, number] = [cosLao, sinLao, 0];
+  const up: [number, number, number] = [-Math.sin(craRad) * sinLao, Math.sin(craRad) * cosLao, Math.cos(craRad)];
+  const opposite = ([x, y, z]: [number, number, number]): [number, number, number] => [-x, -y, -z];
+  return [named(...opposite(right)), named(...right), named(...up), named(...opposite(up))];
+}
+
+function showSides(at: HTMLElement, laoRad: number, craRad: number): void {
+  for (const [k, side] of sidesOf(laoRad, craRad).entries()) setText(at.children[k]!, side);
+}
+
 export class Fluoroscopy {
   private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
   private readonly unreadable = () => this.setHold("A picture was damaged and is not shown");
@@ -40,7 +63,7 @@ export class Fluoroscopy {
   show(picture: Picture): void {
     this.newest = picture;
     this.loops.add(picture);
-    if (!this.loops.playing) this.picture.show(picture);
+    if (!this.loops.playing) this.display(picture);
     this.sayLoop();
   }
 
@@ -49,13 +72,14 @@ export class Fluoroscopy {
     this.lateral.show(picture);
     const [lao, cra] = [angle(picture.laoRad, "LAO", "RAO"), angle(picture.craRad, "CRA", "CAU")];
     setText(element("#lateral-angles"), `${lao}  ${cra}`);
+    showSides(element("#lateral-sides"), picture.laoRad, picture.craRad);
   }
 
   /** Called once per frame of the screen: shows the next picture of the playing loop. */
   advance(nowMs: number): void {
     const picture = this.loops.due(nowMs);
     if (picture === null) return;
-    this.picture.show(picture);
+    this.display(picture);
     this.setAngles(picture.laoRad, picture.craRad);
   }
 
@@ -68,7 +92,7 @@ export class Fluoroscopy {
       this.loops.play(performance.now());
     } else {
       this.loops.stop();
-      if (this.newest !== null) this.picture.show(this.newest);
+      if (this.newest !== null) this.display(this.newest);
     }
     this.sayLoop();
   }
@@ -101,6 +125,7 @@ export class Fluoroscopy {
     const fieldMm = values["xray_field_mm"] ?? 0;
     if (fieldMm !== this.fieldMm) {
       this.fieldMm = fieldMm;
+      setText(element("#field"), fieldMm > 0 ? `field ${(fieldMm / 10).toFixed(0)} cm` : "");
       this.drawScale();
     }
     const row = (term: string, name: string, shown: (value: number) => string) => {
@@ -126,6 +151,12 @@ export class Fluoroscopy {
     this.picture.clear();
     this.lateral.clear();
     setText(element("#lateral-angles"), "");
+    for (const side of document.querySelectorAll("#sides span, #lateral-sides span")) setText(side, "");
+  }
+
+  private display(picture: Picture): void {
+    this.picture.show(picture);
+    showSides(element("#sides"), picture.laoRad, picture.craRad);
   }
 
   private listen(): void {
