@@ -45,7 +45,7 @@ TRUTH = {RIGIDITY: 0.62, FRICTION: 0.14}
 
 
 def drawn(scene, values, noise_mN, rng, columns=(FORCE,), way_mm=WAY_MM):
-    """A table that another simulation measures, in ticks of its own, with noise."""
+    """A table that another simulation measures in other ticks, with noise."""
     simulation = torquer.Simulation(scene.with_values({**values, "relaxation.tolerance": 1e-8}))
     lines = [",".join(["time_s", "wire.insertion_mm", *columns])]
     for second, end_mm in enumerate(way_mm, 1):
@@ -72,8 +72,8 @@ def table_of(scene, text, folder):
 
 
 def test_derivatives_obey_the_similarity_of_scaled_scenes(scene, tmp_path):
-    # Rigidity and wall stiffness that grow by one factor leave every shape, and multiply every force. So the sum of the
-    # derivatives, each times its value, is 0 for tips and the force itself for forces: Euler's theorem. Friction has no unit.
+    # Rigidity and wall stiffness that grow by one factor leave every shape, and multiply every force. Friction has no
+    # unit. By Euler's theorem, the derivatives times their values add up to 0 for tips, and to the force for forces.
     rng = np.random.default_rng(1)
     text = drawn(scene, {}, 0, rng, ("tip_x_mm", "tip_y_mm", FORCE))
     values = {RIGIDITY: 0.5, WALL: 0.5}

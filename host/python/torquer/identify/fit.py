@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 CONFIDENCE = 0.95
 _FARTHEST = math.log(20)  # from the start
 _MOST_ROUNDS = 8
-# Ratio of the largest to the smallest singular value of the scaled derivatives, above which the data leave a key open.
+# Largest over smallest singular value of the scaled derivatives. Above this, the data leave a key open.
 _MOST_CONDITION = 1e5
 
 
