@@ -47,6 +47,33 @@ struct Strokes {
   }
 };
 
+TEST_CASE("A command of many parts is split into equal ones") {
+  Strokes strokes;
+  strokes.DrawTo(10, 0.25);
+  for (const double end_mm : {10.2, 10.4}) {
+    CountedBudget one_part(1);
+    strokes.relaxation.Tick({10.4, 0}, one_part, strokes.state);
+    CHECK(strokes.state.insertion_mm() == Approx(end_mm).margin(1e-12));
+    CountedBudget rest(1000);
+    strokes.relaxation.Tick({strokes.state.insertion_mm(), 0}, rest, strokes.state);
+  }
+}
+
+TEST_CASE("Long rows of strokes in a bend take few solutions, too") {
+  Strokes strokes;
+  const double depth_mm = kUnderSanitizer ? 60 : 240;
+  strokes.DrawTo(depth_mm, 0.5);
+  strokes.solutions.clear();
+  for (int stroke = 0; stroke < 3; ++stroke) {
+    strokes.DrawTo(depth_mm - 12.6, 0.7);
+    strokes.DrawTo(depth_mm, 0.7);
+  }
+  double sum = 0;
+  for (const int count : strokes.solutions) sum += count;
+  // Long waves that a prediction repeats.
+  CHECK(sum / static_cast<double>(strokes.solutions.size()) < 15);
+}
+
 TEST_CASE("A wire drawn back and forth in a bend takes few solutions of the model") {
   Strokes strokes;
   const double depth_mm = kUnderSanitizer ? 60 : 240;

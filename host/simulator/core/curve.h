@@ -148,7 +148,9 @@ class Curve {
 
  private:
   void PlaceNodes(const WireModel& model, int first);
+  void TurnTo(int segment, const Eigen::Vector3d& direction);
   void Slide(const WireModel& model, double fed_mm);
+  void BendSplit(const WireModel& model);
   void FitFirstSegment(const WireModel& model);
   void SplitFirst(const WireModel& model);
   void JoinFirst(const WireModel& model);

@@ -132,27 +132,47 @@ void Curve::JoinFirst(const WireModel& model) {
   first_segment_mm_ += lambda;
 }
 
+// Turns a segment to a direction of any length. Its normal follows.
+void Curve::TurnTo(int segment, const Vector3d& direction) {
+  const double norm = direction.norm();
+  if (!(norm > 1e-3)) return;
+  const Vector3d tangent = direction / norm;
+  normals_[segment] = ParallelTransport(normals_[segment], tangents_[segment], tangent);
+  tangents_[segment] = tangent;
+}
+
 void Curve::Slide(const WireModel& model, double fed_mm) {
-  // (23): node i slides by `fed_mm` along the polyline. So each chord turns towards the next
-  // segment, or towards the previous one when retracting. The tip keeps its directions, because it
-  // has its own rest shape.
+  // (23). The middle of the first segment moves by half of the feed, because the sheath holds its
+  // proximal end. The tip keeps its directions, because it has its own rest shape.
   const int shaft = segments() - model.tip_segments();
-  const double fraction = std::abs(fed_mm) / model.segment_mm();
-  Vector3d* const tangents = tangents_.data();
-  Vector3d* const normals = normals_.data();
-  const auto turn_towards = [tangents, normals, fraction](int i, int neighbor) {
-    const Vector3d chord = (1 - fraction) * tangents[i] + fraction * tangents[neighbor];
-    const double norm = chord.norm();
-    if (!(norm > 1e-3)) return;
-    const Vector3d tangent = chord / norm;
-    normals[i] = ParallelTransport(normals[i], tangents[i], tangent);
-    tangents[i] = tangent;
-  };
-  if (fed_mm > 0) {
-    for (int i = 0; i + 1 < shaft; ++i) turn_towards(i, i + 1);
-  } else {
-    for (int i = shaft - 1; i > 0; --i) turn_towards(i, i - 1);
+  Vector3d behind = model.sheath().direction;  // before the feed
+  for (int i = 0; i < shaft; ++i) {
+    const bool last = i + 1 == shaft;
+    if (last && fed_mm > 0) return;
+    const Vector3d old = tangents_[i];
+    const double before_mm = JointLength(model, *this, i);
+    const Vector3d before = (old - behind) / before_mm;  // curvature of the joint
+    if (i == 0) {
+      TurnTo(i, old + fed_mm / 2 * before);
+    } else if (last) {
+      TurnTo(i, old + fed_mm * before);
+    } else {
+      const double beyond_mm = JointLength(model, *this, i + 1);
+      const Vector3d beyond = (tangents_[i + 1] - old) / beyond_mm;
+      const double growth = fed_mm * fed_mm / (before_mm + beyond_mm);
+      TurnTo(i, old + fed_mm / 2 * (before + beyond) + growth * (beyond - before));
+    }
+    behind = old;
   }
+}
+
+// Bends the first two segments after segment 0 was split in two. The three joints get the curvature
+// that is linear between the two joints before.
+void Curve::BendSplit(const WireModel& model) {
+  const double lambda = model.segment_mm();
+  const Vector3d old = tangents_[0];
+  TurnTo(0, lambda * model.sheath().direction + first_segment_mm_ * old);
+  if (segments() > 2) TurnTo(1, 2 * lambda * old + first_segment_mm_ * tangents_[2]);
 }
 
 void Curve::Feed(const WireModel& model, double to_mm) {
@@ -163,7 +183,9 @@ void Curve::Feed(const WireModel& model, double to_mm) {
 
   Slide(model, fed);
   insertion_mm_ = target;
+  const int before = segments();
   FitFirstSegment(model);
+  if (before > 0 && segments() > before) BendSplit(model);
   insertion_mm_ = to_mm;
   if (poses_.size() == 1) poses_[0].insertion_mm = to_mm;
   Rebuild(model);

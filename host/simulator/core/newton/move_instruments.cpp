@@ -40,6 +40,18 @@ double FractionOfMotion(const InstrumentPoses& here, const InstrumentPoses& next
   return fraction;
 }
 
+InstrumentPoses NextPoses(const InstrumentStack& stack, const InstrumentPoses& here,
+                          const InstrumentPoses& goal, double feed_mm, double turn_rad) {
+  constexpr double kRounding = 1e-10;  // of the number of parts
+  double parts = 1;
+  for (int k = 0; k < here.size(); ++k) {
+    parts = std::max({parts, std::abs(goal[k].insertion_mm - here[k].insertion_mm) / feed_mm,
+                      std::abs(goal[k].rotation_rad - here[k].rotation_rad) / turn_rad});
+  }
+  const double share = parts / std::ceil(parts - kRounding);
+  return stack.Towards(goal, here, share * feed_mm, share * turn_rad);
+}
+
 int CountActions(const InstrumentPoses& here, const InstrumentPoses& next) {
   int actions = 0;
   for (int k = 0; k < here.size(); ++k) {

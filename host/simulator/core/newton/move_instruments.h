@@ -23,6 +23,11 @@ void LayCurves(const CombinedRods& rods, WireState& state);
 double FractionOfMotion(const InstrumentPoses& here, const InstrumentPoses& next,
                         const InstrumentPoses& goal, double feed_mm, double turn_rad);
 
+/// Poses after the next part of the motion from `here` to `goal`. Parts are equal, feed at most
+/// `feed_mm` and turn at most `turn_rad`.
+InstrumentPoses NextPoses(const InstrumentStack& stack, const InstrumentPoses& here,
+                          const InstrumentPoses& goal, double feed_mm, double turn_rad);
+
 /// Number of insertions and rotations that differ.
 int CountActions(const InstrumentPoses& here, const InstrumentPoses& next);
 

@@ -220,7 +220,10 @@ void NewtonMethod<Sweep>::EndPart() {
 // A wire that the budget left moved but not relaxed is relaxed before the next move.
 template <class Sweep>
 bool NewtonMethod<Sweep>::MayMove() const {
-  return memory_.current.residual <= std::max(settings_.part_tolerance, settings_.tolerance) ||
+  // The residual hardly shows long waves, which damped steps leave and predictions would repeat.
+  const double share = memory_.stable ? 1 : memory_.moved ? 0.3 : 0.1;
+  const double tolerance = share * settings_.part_tolerance;
+  return memory_.current.residual <= std::max(tolerance, settings_.tolerance) ||
          memory_.iterations_since_move >= settings_.most_iterations_a_part;
 }
 
@@ -229,7 +232,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   const InstrumentPoses here = state.poses();
   const PassingLimits limits = FindPassingLimits(state, mechanics_, memory_.current.between);
   const double feed_mm = std::min({settings_.max_feed_mm, model_.segment_mm() / 2, limits.feed_mm});
-  const InstrumentPoses next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
+  const InstrumentPoses next = NextPoses(stack(), here, goal, feed_mm, settings_.max_turn_rad);
   // For the terms each part is a tick, so their memory does not depend on the length of a tick.
   if (memory_.part == Part::kMoved) {
     EndPart();
@@ -379,14 +382,11 @@ void NewtonMethod<Sweep>::GiveUp(const WireState& state) {
   memory_.phase = Phase::kStalled;
 }
 
-// True if a state in equilibrium is a minimum: a straight wire pushed head-on is in equilibrium
-// too.
+// True if a state in equilibrium is a minimum. A straight wire pushed head-on may be none.
 template <class Sweep>
 bool NewtonMethod<Sweep>::Stable(const WireState& state) {
   constexpr double kStableWeight = 1e-6;  // an equilibrium that is stable with it counts as stable
-  if (!memory_.stable) {
-    memory_.stable = solver_.IsDefinite(state, memory_.current, kStableWeight);
-  }
+  if (!memory_.stable) memory_.stable = solver_.IsDefinite(state, memory_.current, kStableWeight);
   return memory_.stable;
 }
 

@@ -33,8 +33,8 @@ struct NewtonSettings {
   double max_turn_rad = 0.2;
   /// Largest turn of one segment in one step, rad; longer steps are shortened as a whole.
   double max_step_rad = 0.5;
-  /// Residual at which the next part of a split command may follow. The last part is relaxed to the
-  /// tolerance. Larger values let friction lead the wire along another path.
+  /// Residual at which the next part of a split command may follow. Without a step 0.3 of it holds,
+  /// after a damped one 0.1. The last part meets the tolerance. More changes the path of friction.
   double part_tolerance = 1e-4;
   /// Number of iterations after which the next part follows in any case. So a jammed wire that
   /// hardly comes to rest still follows its hands.
