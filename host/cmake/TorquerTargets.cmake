@@ -225,7 +225,7 @@ function(torquer_test name)
   endif()
   if(ARG_REAL_TIME)
     # These begin first. Later, small tests would take each place that becomes free, and these would run alone at the end.
-    list(APPEND properties RESOURCE_LOCK real_time PROCESSORS 3 COST 400)
+    list(APPEND properties RESOURCE_LOCK real_time PROCESSORS 2 COST 400)
   endif()
   if(TORQUER_SANITIZE AND ARG_SANITIZED_BY_SOAK)
     # One test, so that CTest knows it whether it was built or not.

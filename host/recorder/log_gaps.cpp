@@ -145,8 +145,8 @@ std::vector<std::string> LogGaps::DescribeSilences() const {
   std::vector<std::string> lines;
   for (const auto& [key, of] : senders_) {
     if (of.silences == 0) continue;
-    lines.push_back(fmt::format("{} pauses{} at {}: messages are missing, or came late",
-                                of.silences, Of(key.second), key.first));
+    lines.push_back(fmt::format("{} {}{} at {}: messages are missing, or came late", of.silences,
+                                of.silences == 1 ? "pause" : "pauses", Of(key.second), key.first));
   }
   return lines;
 }
