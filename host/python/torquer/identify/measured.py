@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import math
 import os
 from typing import Dict, List, Optional, Sequence, Tuple, Union
 
@@ -48,16 +47,6 @@ class Table:
     def values(self) -> int:
         """Number of independent measured values. A point of a shape has two: it is free along the wire."""
         return sum(len(row.readings) + (0 if row.shape is None else 2 * len(row.shape)) for row in self.rows)
-
-
-def _number(where: str, name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise Error(f"{where}: {name} is {text[:40]!r}; give a finite number with a decimal point")
-    return value
 
 
 def _hand_columns(path: str, names: Sequence[str], instruments: Sequence[str]) -> Dict[str, Tuple[int, int]]:
@@ -107,15 +96,15 @@ def read(scene: Scene, path: Union[str, "os.PathLike[str]"], shapes_path: Option
             if len(rows) == _MOST_ROWS:
                 raise Error(f"{where}: more than {_MOST_ROWS} rows; give fewer")
             row = {name: cell.strip() for name, cell in zip(names, cells)}
-            time_s = _number(where, "time_s", row["time_s"])
+            time_s = measured_shapes.cell_number(where, "time_s", row["time_s"])
             if rows and not time_s > rows[-1].time_s:
                 raise Error(f"{where}: time_s is {time_s:g}, after {rows[-1].time_s:g}; order the rows by time")
             if not rows and time_s < 0:
                 raise Error(f"{where}: time_s is {time_s:g}; begin at 0 or later")
             hands = hands.copy()
             for name, at in moving.items():
-                hands[at] = _number(where, name, row[name])
-            readings = {name: _number(where, name, row[name]) for name in columns if row[name]}
+                hands[at] = measured_shapes.cell_number(where, name, row[name])
+            readings = {name: measured_shapes.cell_number(where, name, row[name]) for name in columns if row[name]}
             shape = row.get("shape", "")
             if shape and shape not in shapes:
                 raise Error(f"{where}: there is no shape {shape[:40]!r}; give it in the file of --shapes")

@@ -60,7 +60,8 @@ def _columns(path: str, header: Sequence[str]) -> Tuple[Dict[str, int], str, Lis
     return {name: names.index(name) for name in wanted}, units[0], [name for name in names if name not in wanted]
 
 
-def _number(where: str, name: str, text: str) -> float:
+def cell_number(where: str, name: str, text: str) -> float:
+    """The finite number of a cell. Raises Error naming the place, the column and the value."""
     try:
         value = float(text)
     except ValueError:
@@ -118,7 +119,7 @@ def read(path: Union[str, "os.PathLike[str]"]) -> Tuple[List[Shape], List[str]]:
             number = _whole(where, cells["point"])
             if numbers and number <= numbers[-1]:
                 raise Error(f"{where}: point is {number}, after {numbers[-1]}; order the points from the entry to the tip")
-            point = [MM[unit] * _number(where, f"{axis}_{unit}", cells[f"{axis}_{unit}"]) for axis in "xyz"]
+            point = [MM[unit] * cell_number(where, f"{axis}_{unit}", cells[f"{axis}_{unit}"]) for axis in "xyz"]
             farthest = max(point, key=abs)
             if abs(farthest) > _LARGEST_MM:
                 raise Error(f"{where}: a coordinate is {farthest:g} mm; give at most {_LARGEST_MM:g}, and check the unit")
