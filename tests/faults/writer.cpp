@@ -185,12 +185,14 @@ const std::vector<Writer>& Writers() {
       {.name = "torquer-viewer with a token",
        .words = {ProgramPath("torquer-viewer"), "--token-file", "@/token"},
        .stays = true,
+       .ready = "http://",
        .whole = [](const std::string& text) { return text.size() == 32; }},
       // The next run judges its claims: it must be able to use the existing file.
       {.name = "torquer-daemon with its last position",
        .words = {"/usr/bin/env", "XDG_RUNTIME_DIR=@", ProgramPath("torquer-daemon"), "--source",
                  "socket", "--socket", "/nowhere", "--uncalibrated"},
        .stays = true,
+       .ready = "waiting for device",
        .whole = [](const std::string&) { return true; }},
   };
   return writers;
@@ -222,14 +224,17 @@ std::size_t WriterBench::WrittenFiles() const {
   return count;
 }
 
-// A program that stays is ready when it has printed a line. A program that prints no line at its
-// start is ready some time after its files exist.
+// A program that stays is ready when it has printed its text. If it printed an error, it ends by
+// itself. Without such a text, any line will do. A program that prints no line at its start is
+// ready some time after its files exist.
 void WriterBench::EndOnceReady(ChildProcess& process) const {
   constexpr int kMostPauses = 1000;
   constexpr int kPausesWithFiles = 20;
   int with_files = 0;
   for (int k = 0; k < kMostPauses && with_files < kPausesWithFiles; ++k) {
-    if (process.Ended() || !process.Output().empty() || !process.Error().empty()) break;
+    if (process.Ended()) return;
+    const std::string printed = process.Output() + process.Error();
+    if (!printed.empty() && printed.find(writer_.ready) != std::string::npos) break;
     with_files += writer_.outputs > 0 && WrittenFiles() >= writer_.outputs;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

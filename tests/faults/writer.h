@@ -25,6 +25,8 @@ struct Writer {
   bool does_without = false;
   /// True if it runs until a signal; it writes its files at once.
   bool stays = false;
+  /// Text that it prints when it is ready; "" if there is none.
+  std::string ready = {};
   /// True if a file is complete; needed when two runs write different data.
   std::function<bool(const std::string& text)> whole = {};
   /// Same for a run that was ended early and keeps its data so far.

@@ -25,15 +25,6 @@ hands.guidewire = { speed_mm_s = 40, turn_rad_s = 1 }
 """
 
 
-def shell_status(process):
-    """Exit status as a shell reports it: 128 and the signal's number for a process that a signal ended.
-
-    An interrupt within eval(), which imports use, makes Python end itself by SIGINT after its handler, instead of the
-    status 130.
-    """
-    return process.returncode if process.returncode >= 0 else 128 - process.returncode
-
-
 @pytest.fixture
 def study(tmp_path):
     def write(text, name="study"):

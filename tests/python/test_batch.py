@@ -16,7 +16,7 @@ import pytest
 import torquer
 import torquer.batch
 import zarr
-from batch_runs import ENVIRONMENT, MOTION, PACKAGES, cases, check_whole, finish, lines, shell_status, start, study, wait_for
+from batch_runs import ENVIRONMENT, MOTION, PACKAGES, cases, check_whole, finish, lines, start, study, wait_for
 
 def worker_processes(process):
     """Worker processes of a run with --workers, which multiprocessing started."""
@@ -418,13 +418,13 @@ def test_command_line(study, tmp_path):
     assert status == 2 and "readings.jsonl:1: is not a line of torquer-batch" in error
     status, _, error = finish(study(cases(3)), out, "--scheduler", "tcp://127.0.0.1:1")
     assert status == 2 and "--scheduler tcp://127.0.0.1:1: " in error
-    running = start(study(cases(400), "long"), out)
-    wait_for(running, out, 10)
+    running = start(study(cases(400).replace("duration_s = 1", "duration_s = 60"), "long"), out)  # for minutes
+    wait_for(running, out, 3)
     status, _, error = finish(path, out)
     assert status == 2 and "another torquer-batch writes there" in error
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=60)
-    assert shell_status(running) == 130 and "run the command again" in error
+    assert running.returncode == 130 and "run the command again" in error
 
 
 def test_cases_that_are_not_valid_are_marked_and_left_out_of_plots(study, tmp_path):

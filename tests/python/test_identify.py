@@ -176,6 +176,23 @@ def test_faults_are_refused_by_file_line_and_remedy(scene, tmp_path, text, vary,
     assert said in str(error.value)
 
 
+def test_a_lone_wire_without_a_name_is_varied_by_its_usual_one(tmp_path):
+    scene = torquer.Scene.from_text(SCENE.replace('name = "wire"\n', ""))
+    assert [one.name for one in scene.instruments] == ["guidewire"]
+    table = table_of(scene, HEAD.replace("wire.", "guidewire.") + ROWS, tmp_path)
+    experiment = Experiment(scene, table, ["instrument.guidewire.rigidity_N_mm2"])
+    # Twice as stiff, the wire is another scene.
+    assert experiment.scene_at([2]).text != experiment.scene_at([1]).text
+
+
+def test_a_first_row_at_the_start_may_move_nothing_and_a_motion_needs_time(scene, tmp_path):
+    still = Experiment(scene, table_of(scene, HEAD + "0,0,0\n" + ROWS, tmp_path), [RIGIDITY])
+    assert len(still.residuals([1])) == 4
+    moved = Experiment(scene, table_of(scene, HEAD + "0,5,0\n" + ROWS, tmp_path), [RIGIDITY])
+    with pytest.raises(torquer.Error, match=r"measured.csv:2: the hands move by then, and no time has passed"):
+        moved.residuals([1])
+
+
 def test_a_value_that_runs_away_is_refused(scene, tmp_path):
     # No friction explains a hand that pulls the wire while it is pushed in.
     with pytest.raises(torquer.Error, match="runs to|coefficient"):

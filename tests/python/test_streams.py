@@ -51,6 +51,18 @@ def bad(request, tmp_path):
     return streams
 
 
+def test_an_interrupt_within_eval_ends_with_the_status_of_an_interrupt(tmp_path):
+    # Imports call eval(). Python notes an interrupt there, and would end itself by the signal in spite of its handler.
+    (tmp_path / "interrupted.py").write_text("""
+import os, signal, sys
+from torquer import _command
+sys.exit(_command.run("torquer", lambda: eval("os.kill(os.getpid(), signal.SIGINT) or [k for k in range(9999)]")))
+""")
+    words = [sys.executable, "-B", "-m", "interrupted"]
+    done = subprocess.run(words, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "\ntorquer: stopped\n")
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_failed_output_is_reported(command, bad):
     status, _, error = run(command, "--help", **bad("stdout", 1))

@@ -8,6 +8,7 @@ import errno
 import importlib
 import io
 import os
+import pathlib
 import sys
 import time
 from typing import Any, Callable, Optional, TextIO, cast
@@ -72,6 +73,16 @@ class Progress:
             self._out.flush()
 
 
+def new_folder(out: str) -> pathlib.Path:
+    """The folder of the option --out, which must not exist yet, in one that does."""
+    folder = pathlib.Path(out)
+    if os.path.lexists(folder):
+        raise Error(f"--out {out}: exists already; remove it, or give another name")
+    if not folder.absolute().parent.is_dir():
+        raise Error(f"--out {out}: there is no folder {folder.absolute().parent}; make it first")
+    return folder
+
+
 class Completion(argparse.Action):
     """Prints the completion for bash: options and files."""
 
@@ -117,6 +128,8 @@ def run(name: str, main: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         print(f"\n{name}: stopped", file=sys.stderr)
         status = _INTERRUPTED
+        # After an interrupt within eval(), as in imports, Python would end itself by SIGINT. The next eval() prevents it.
+        eval("0")
     if not _write_whole(1, output.getvalue()):
         print(f"{name}: standard output cannot be written; is the disk full, or its reader gone?", file=sys.stderr)
         status = status or _USER_ERROR

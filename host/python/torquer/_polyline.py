@@ -22,6 +22,18 @@ def at_arcs(points: Array, arcs: Any) -> Array:
     return np.stack([np.interp(arcs, along, points[:, axis]) for axis in range(points.shape[1])], axis=1)
 
 
+def to_nearest(points: Array, line: Array) -> Array:
+    """Vector from each point in space to the nearest point of a polyline."""
+    way = np.diff(line, axis=0)
+    squared = np.maximum(np.einsum("ij,ij->i", way, way), 1e-30)
+    off = points[:, None, :] - line[None, :-1, :]
+    share = np.clip(np.einsum("pij,ij->pi", off, way) / squared, 0, 1)
+    gaps = share[:, :, None] * way - off
+    nearest = np.einsum("pij,pij->pi", gaps, gaps).argmin(axis=1)
+    out: Array = gaps[np.arange(len(points)), nearest]
+    return out
+
+
 def resampled(points: Array, step: float) -> Array:
     """Points at about equal steps along a polyline, with both of its ends."""
     length = float(arcs_of(points)[-1])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
-import pathlib
 import signal
 import sys
 import tomllib
@@ -38,11 +36,7 @@ def run(scene_path: str, table_path: str, shapes_path: Optional[str], vary: List
 
     Raises Error naming the file, the defect and the remedy.
     """
-    folder = pathlib.Path(out)
-    if os.path.lexists(folder):
-        raise Error(f"--out {out}: exists already; remove it, or give another name")
-    if not folder.absolute().parent.is_dir():
-        raise Error(f"--out {out}: there is no folder {folder.absolute().parent}; make it first")
+    folder = _command.new_folder(out)
     for module in ("scipy.optimize", "matplotlib"):
         need(module)
     scene = Scene(scene_path)

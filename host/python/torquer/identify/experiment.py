@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Error, Scene, Simulation
+from .._polyline import to_nearest
+from ..validate.fit import with_name
 from .measured import TIPS, Row, Table
 
 Array = npt.NDArray[np.float64]
@@ -49,19 +51,12 @@ def _value(scene: Scene, key: str) -> Any:
         named = [one.name for one in scene.instruments]
         if parts[1] not in named:
             raise Error(f"{scene.path}: there is no instrument {parts[1]!r}; there are: {', '.join(named)}")
-        table, parts = _table_of(table["instrument"], parts[1], named), parts[2:]
+        table, parts = table["instrument"][named.index(parts[1])], parts[2:]
     for part in parts:
         if not isinstance(table, dict) or part not in table:
             raise Error(f"{scene.path}: {key} is not in the scene; add it, or give a start, as in {key}=1")
         table = table[part]
     return table
-
-
-def _table_of(tables: Sequence[Mapping[str, Any]], name: str, named: Sequence[str]) -> Mapping[str, Any]:
-    for one in tables:
-        if one.get("name") == name:
-            return one
-    return tables[named.index(name)]
 
 
 class Experiment:
@@ -75,8 +70,8 @@ class Experiment:
         starts = vary if isinstance(vary, Mapping) else {key: None for key in vary}
         if not starts:
             raise Error("no key is varied; name one, as in instrument.guidewire.rigidity_N_mm2")
-        self.scene, self.table = scene, table
-        self.keys = [Vary(scene, key, start) for key, start in starts.items()]
+        self.scene, self.table = with_name(scene), table
+        self.keys = [Vary(self.scene, key, start) for key, start in starts.items()]
         self.groups = self._groups()
         if len(self.groups) <= len(self.keys):
             raise Error(f"{table.path}: has {table.values()} measured values for {len(self.keys)} keys; measure more, or vary fewer")
@@ -111,7 +106,7 @@ class Experiment:
                 snaps.append(row.line)
             out += [_predicted(simulation, name, self.table.path, row.line) - value for name, value in row.readings.items()]
             if row.shape is not None:
-                out += _off(row.shape, simulation.instrument_nodes_mm(0)).ravel().tolist()
+                out += to_nearest(row.shape, simulation.instrument_nodes_mm(0)).ravel().tolist()
         return np.array(out), snaps
 
     def jacobian(self, factors: npt.ArrayLike) -> Array:
@@ -172,7 +167,9 @@ def _go(simulation: Simulation, row: Row, path: str) -> bool:
     way = np.abs(row.hands - here)
     parts = max(1, math.ceil(way[:, 0].max() / _LONGEST_FEED_MM), math.ceil(way[:, 1].max() / _LONGEST_TURN_RAD))
     begin_s = simulation.time_s
-    if row.time_s <= begin_s and way.max() == 0:
+    if row.time_s <= begin_s:
+        if way.max() > 0:
+            raise Error(f"{path}:{row.line}: the hands move by then, and no time has passed; give a later time_s")
         return False
     snapped = False
     for part in range(1, parts + 1):
@@ -181,18 +178,6 @@ def _go(simulation: Simulation, row: Row, path: str) -> bool:
             raise Error(f"{path}:{row.line}: the wire did not come to rest on the way to this row; check the scene and the motion")
         snapped = snapped or report.snapped
     return snapped
-
-
-def _off(points: Array, line: Array) -> Array:
-    """Vector from each point to the nearest point of a polyline."""
-    way = np.diff(line, axis=0)
-    squared = np.maximum(np.einsum("ij,ij->i", way, way), 1e-30)
-    off = points[:, None, :] - line[None, :-1, :]
-    share = np.clip(np.einsum("pij,ij->pi", off, way) / squared, 0, 1)
-    gaps = share[:, :, None] * way - off
-    nearest = np.einsum("pij,pij->pi", gaps, gaps).argmin(axis=1)
-    out: Array = gaps[np.arange(len(points)), nearest]
-    return out
 
 
 def split(groups: Sequence[str]) -> Dict[str, Tuple[Any, float]]:

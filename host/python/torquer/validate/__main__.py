@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
-import pathlib
 import signal
 import sys
 
@@ -23,11 +21,7 @@ def validate(scene_path: str, shapes_path: str, out: str, progress: _command.Pro
 
     Returns the table of medians. Raises Error naming the file, the defect and the remedy.
     """
-    folder = pathlib.Path(out)
-    if os.path.lexists(folder):
-        raise Error(f"--out {out}: exists already; remove it, or give another name")
-    if not folder.absolute().parent.is_dir():
-        raise Error(f"--out {out}: there is no folder {folder.absolute().parent}; make it first")
+    folder = _command.new_folder(out)
     for module in ("scipy.sparse.csgraph", "matplotlib"):
         need(module)
     every, unused = shapes.read(shapes_path)

@@ -1,4 +1,4 @@
-"""Parts that the steps of torquer-validate share: packages, points and distances."""
+"""Parts that the steps of torquer-validate share: packages, points and texts."""
 
 from __future__ import annotations
 
@@ -22,16 +22,6 @@ def need(module: str) -> Any:
     return _command.need("torquer-validate", module, _PACKAGES[module.split(".")[0]])
 
 
-def nearest_mm(points: Points, line: Points) -> Values:
-    """Distance of each point from a polyline."""
-    way = np.diff(line, axis=0)
-    squared = np.maximum(np.einsum("ij,ij->i", way, way), 1e-30)
-    off = points[:, None, :] - line[None, :-1, :]
-    share = np.clip(np.einsum("pij,ij->pi", off, way) / squared, 0, 1)
-    out: Values = np.linalg.norm(off - share[:, :, None] * way, axis=2).min(axis=1)
-    return out
-
-
 def as_tuple(vector: Any) -> Tuple[float, float, float]:
     x, y, z = map(float, vector)
     return x, y, z
@@ -42,4 +32,4 @@ def as_text(point: Any) -> str:
     return "(" + ", ".join(f"{value:.1f}" for value in point) + ") mm"
 
 
-__all__ = ["Error", "Points", "Values", "as_text", "as_tuple", "nearest_mm", "need"]
+__all__ = ["Error", "Points", "Values", "as_text", "as_tuple", "need"]

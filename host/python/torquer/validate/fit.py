@@ -10,8 +10,8 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from .. import Scene, Simulation
-from .._polyline import arcs_of, at_arcs, rms
-from ._base import Error, Points, Values, as_tuple, nearest_mm
+from .._polyline import arcs_of, at_arcs, rms, to_nearest
+from ._base import Error, Points, Values, as_tuple
 from .paths import Lumen
 from .shapes import Curve, Shape
 
@@ -271,7 +271,7 @@ class Search:
             measured.shape.name, method, wire_mm=float(arcs_of(line)[-1]), measured_mm=measured.length_mm,
             compared_mm=float(measured.length_mm * np.ptp(measured.shares[numbers])), left_out_mm=measured.left_out_mm,
             points=len(numbers), outside_percent=100 * float((lumen.depth_mm(every) < 0).mean()), mean_mm=float(distances.mean()),
-            rms_mm=rms(distances), largest_mm=float(distances.max()), nearest_rms_mm=rms(nearest_mm(points[numbers], line)),
+            rms_mm=rms(distances), largest_mm=float(distances.max()), nearest_rms_mm=rms(np.linalg.norm(to_nearest(points[numbers], line), axis=1)),
             tip_mm=float(np.linalg.norm(line[-1] - measured.tip)), choosing_rms_mm=self.choosing_rms(line),
             noise_mm=measured.noise_mm,
         )
