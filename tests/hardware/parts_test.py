@@ -1,4 +1,8 @@
-"""Renders every printed part with OpenSCAD: it must be closed, face outward and have the size in the table."""
+"""Every printed part must be closed, face outward and have the size in the table.
+
+The build wrote the parts to the folder that the environment names (TORQUER_PRINT_FILES). OpenSCAD renders the other
+pieces here.
+"""
 
 import functools
 import math
@@ -13,6 +17,7 @@ import render
 import stl
 import tables
 
+PRINT_FILES = os.environ["TORQUER_PRINT_FILES"]
 CUBE = [
     ((0, 0, 0), (0, 1, 0), (1, 1, 0)), ((0, 0, 0), (1, 1, 0), (1, 0, 0)),
     ((0, 0, 1), (1, 0, 1), (1, 1, 1)), ((0, 0, 1), (1, 1, 1), (0, 1, 1)),
@@ -25,7 +30,9 @@ CUBE = [
 
 @functools.cache
 def piece(name: str) -> list:
-    """Triangles of a piece in its place, rendered once."""
+    """Triangles of a printed part, or of a piece in its place, which is rendered once."""
+    if name in print_files.files():
+        return stl.read_stl(os.path.join(PRINT_FILES, name + ".stl"))
     with tempfile.TemporaryDirectory() as work:
         path = os.path.join(work, name + ".stl")
         render.make_stl(name, path)
@@ -75,30 +82,34 @@ class Parts(unittest.TestCase):
         """The files are those of a release: one for each part, and for each variant."""
         listed = {row["part"]: row for row in tables.rows_of("parts/parts.csv")}
         self.assertEqual(set(listed), set(render.PARTS))
+        self.assertEqual({name for name in os.listdir(PRINT_FILES) if name.endswith(".stl")},
+                         {name + ".stl" for name in [*render.PARTS, "catheter_clamp_switch"]})
+        clamps = [stl.bounds(piece(f"catheter_clamp{variant}"))[1] for variant in ("", "_switch")]
+        self.assertGreater(clamps[1][0], clamps[0][0] + 3, "no room for the end switch")
+        for name in render.PARTS:
+            with self.subTest(part=name):
+                triangles = piece(name)
+                self.assertEqual(stl.defects(triangles), [])
+                _, pieces, size, volume = render.table_row(name, triangles).split(",")
+                self.assertEqual(listed[name]["pieces"], pieces)
+                # Another version of OpenSCAD may approximate circles differently.
+                self.assertAlmostEqual(float(listed[name]["volume_cm3"]), float(volume), delta=0.2)
+                for wanted, made in zip(listed[name]["size_mm"].split(" x "), size.split(" x ")):
+                    self.assertAlmostEqual(float(wanted), float(made), delta=0.1)
+                    self.assertLessEqual(float(made), 180, "does not fit a small printer")
+                low, _ = stl.bounds(triangles)
+                self.assertAlmostEqual(low[2], 0, places=3, msg="does not stand on the bed")
+
+    def test_no_file_is_replaced(self):
         with tempfile.TemporaryDirectory() as work:
-            print_files.write(work)
-            self.assertEqual(set(os.listdir(work)),
-                             {name + ".stl" for name in [*render.PARTS, "catheter_clamp_switch"]})
-            clamps = [stl.bounds(stl.read_stl(os.path.join(work, f"catheter_clamp{variant}.stl")))[1]
-                      for variant in ("", "_switch")]
-            self.assertGreater(clamps[1][0], clamps[0][0] + 3, "no room for the end switch")
+            path = os.path.join(work, "box_link.stl")
+            with open(path, "w", encoding="ascii") as file:
+                file.write("mine")
             with self.assertRaisesRegex(FileExistsError, "remove it, or give another folder"):
                 print_files.write(work)
-            for name in render.PARTS:
-                with self.subTest(part=name):
-                    triangles = stl.read_stl(os.path.join(work, name + ".stl"))
-                    self.assertEqual(stl.defects(triangles), [])
-                    _, pieces, size, volume = render.table_row(name, triangles).split(",")
-                    self.assertEqual(listed[name]["pieces"], pieces)
-                    # Another version of OpenSCAD may approximate circles differently.
-                    self.assertAlmostEqual(
-                        float(listed[name]["volume_cm3"]), float(volume), delta=0.2
-                    )
-                    for wanted, made in zip(listed[name]["size_mm"].split(" x "), size.split(" x ")):
-                        self.assertAlmostEqual(float(wanted), float(made), delta=0.1)
-                        self.assertLessEqual(float(made), 180, "does not fit a small printer")
-                    low, _ = stl.bounds(triangles)
-                    self.assertAlmostEqual(low[2], 0, places=3, msg="does not stand on the bed")
+            self.assertEqual(os.listdir(work), ["box_link.stl"])
+            with open(path, encoding="ascii") as file:
+                self.assertEqual(file.read(), "mine")
 
     def test_paper_dimensions(self):
         parts = {row["part"]: row["size_mm"] for row in tables.rows_of("parts/parts.csv")}
@@ -198,13 +209,11 @@ class Parts(unittest.TestCase):
 
     def test_caps_let_the_air_out(self):
         """The volume that the vents take from the wall of a cap."""
-        volumes = []
         with tempfile.TemporaryDirectory() as work:
-            for number, settings in enumerate(((), ("vent_count=0",))):
-                path = os.path.join(work, f"cap{number}.stl")
-                render.make_stl("pipe_cap", path, settings)
-                volumes.append(stl.volume_mm3(stl.read_stl(path)))
-        opening = (volumes[1] - volumes[0]) / budget.MODEL["cap_wall"]
+            path = os.path.join(work, "cap.stl")
+            render.make_stl("pipe_cap", path, ("vent_count=0",))
+            whole = stl.volume_mm3(stl.read_stl(path))
+        opening = (whole - stl.volume_mm3(piece("pipe_cap"))) / budget.MODEL["cap_wall"]
         wanted = budget.cap_openings_mm2(budget.MODEL["vent_count"]) - budget.cap_openings_mm2(0)
         self.assertAlmostEqual(opening, wanted, delta=0.15 * wanted)  # they meet the wire's funnel
 
