@@ -255,7 +255,7 @@ def cluster(tmp_path):
 
 def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
     scheduler, address = cluster
-    path = study(cases(600))
+    path = study(cases(200))
     out = tmp_path / "out"
     process = start(path, out, "--scheduler", address)
     wait_for(process, out, 20)
@@ -264,11 +264,11 @@ def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
     assert process.returncode == 1
     assert "the scheduler is gone (" in error and "the finished cases are stored; run the command again" in error
     stored = lines(out)
-    assert 20 <= stored < 600
+    assert 20 <= stored < 200
     status, output, error = finish(path, out, "--workers", 1)
     assert status == 0, error
-    assert output.startswith(f"{600 - stored} cases done, {stored} were stored before, 0 failed")
-    check_whole(out, 600)
+    assert output.startswith(f"{200 - stored} cases done, {stored} were stored before, 0 failed")
+    check_whole(out, 200)
 
 
 def test_a_failing_case_is_listed_and_the_rest_continues(study, tmp_path):

@@ -148,12 +148,13 @@ TEST_CASE("Instruments beside each other never pass through each other, for any 
     double least = 1;
     int passed = 0;
     std::map<std::pair<int, int>, Vector3d> before;
-    for (int move = 0; move < 60; ++move) {
+    constexpr int kMoves = Rounds(60, 3);
+    for (int move = 0; move < kMoves; ++move) {
       for (int k = 0; k < count; ++k) {
         goal[k].insertion_mm = std::clamp(goal[k].insertion_mm + Between(random, -4, 6), 0.0, 60.0);
         goal[k].rotation_rad += Between(random, -3, 3);
       }
-      if (move == 30) goal = InstrumentPoses(count);  // all out, then in again
+      if (move == kMoves / 2) goal = InstrumentPoses(count);  // all out, then in again
       // One iteration at a time; hands do not wait until the instruments are at rest.
       const int looks = static_cast<int>(5 + random() % 60);
       for (int look = 0; look < looks; ++look) {

@@ -95,12 +95,13 @@ TEST_CASE("Curves of instruments with room stay valid, for any hands") {
     // When the second instrument is withdrawn, the wire lies in the third.
     const double room_mm = Drawn::kLumen_mm[count - 1] - drawn.stack.instrument(0).radius_mm(0);
     double offset_mm = 0;
-    for (int move = 0; move < 40; ++move) {
+    constexpr int kMoves = Rounds(40, 3);
+    for (int move = 0; move < kMoves; ++move) {
       for (int k = 0; k < count; ++k) {
         goal[k].insertion_mm = std::max(0.0, goal[k].insertion_mm + Between(random, -6, 9));
         goal[k].rotation_rad += Between(random, -1, 1);
       }
-      if (move == 20) goal = InstrumentPoses(count);  // all out, then in again
+      if (move == kMoves / 2) goal = InstrumentPoses(count);  // all out, then in again
       CountedBudget budget(static_cast<int>(20 + random() % 400));
       const TickReport report = drawn.relaxation->Tick(goal, budget, drawn.state);
       if (report.converged) {
