@@ -45,6 +45,56 @@ TEST_CASE("The sweep of wires that meet head on solves the dense Newton system")
   CheckStep(wires, 10);
 }
 
+TEST_CASE("The sweep of a wire that turns back on its catheter solves the dense Newton system") {
+  const double ratio = GENERATE(0.0, 0.7);
+  if (kUnderSanitizer) return;  // as above
+  constexpr double kApartMm = kWireMm + TurnedBack::kCatheterMm - 0.06;
+  unsigned seed = 3;
+  while (!TurnedBack(ratio, kApartMm, seed).IsFarFromKinks()) ++seed;
+  TurnedBack wires(ratio, kApartMm, seed);
+  CAPTURE(ratio, seed);
+  CHECK(wires.Outside().pressed_N > 0);
+  CheckGradient(wires);
+  CheckStep(wires, 10);
+}
+
+TEST_CASE("A wire touches the outside of its catheter where it comes near it, and nowhere else") {
+  // The wire comes no nearer than a bow away from the mouth.
+  const TurnedBack far(0, 2, 3);
+  CHECK(far.Outside().pressed_N == 0);
+  const TurnedBack near(0, kWireMm + TurnedBack::kCatheterMm - 0.06, 3);
+  REQUIRE(near.Outside().pressed_N > 0);
+  for (const BetweenCurves::Spring& spring : near.Outside().springs) {
+    const SegmentPair& on = near.Outside().groups[static_cast<std::size_t>(spring.group)];
+    CAPTURE(on.inner, on.outer);
+    // The wire has turned back beyond x = 12 and runs against the catheter.
+    CHECK(on.inner > 20);
+    CHECK(on.outer < 6);
+  }
+}
+
+TEST_CASE("Contact with the outside of a catheter fades over the last piece before its mouth") {
+  constexpr double kCatheterMm = 4;  // the wire runs back along it from x = 5 to 2.2
+  const TurnedBack wires(0, kWireMm + TurnedBack::kCatheterMm - 0.06, 3, kCatheterMm);
+  const BetweenCurves& outside = wires.Outside();
+  const Curve& catheter = wires.state.curve(1);
+  constexpr double kPieceMm = 1.3 / 2;
+  int whole = 0;
+  int faded = 0;
+  for (const BetweenCurves::Spring& spring : outside.springs) {
+    const int m = outside.groups[static_cast<std::size_t>(spring.group)].outer;
+    const double foot_mm =
+        (m == 0 ? 0 : catheter.first_segment_mm() + 1.3 * (m - 1)) + spring.foot_mm;
+    const double part = std::min(1.0, (kCatheterMm - foot_mm) / kPieceMm);
+    CAPTURE(foot_mm, part);
+    CHECK(part > 0);
+    CHECK(spring.stiffness_N_mm == Approx(part * kPieceMm * 2e-3).epsilon(0.01));
+    (part < 1 ? faded : whole) += 1;
+  }
+  CHECK(faded > 0);
+  CHECK(whole > 0);
+}
+
 TEST_CASE("With more contacts than rows, a step still gains what the sweep predicts") {
   // A turn of 60 segments, each in contact with the next turn.
   Coil coil({.segment_mm = 0.3, .turns = 3.2}, 3);

@@ -111,6 +111,38 @@ TEST_CASE("With contact with itself a scene repeats, restarts and is copied to t
   CHECK(copy.state_hash() == hash);
 }
 
+// A wire that rests as a ring leaves its catheter in a wide vessel. The ring closes on the
+// catheter.
+constexpr char kRing[] =
+    "name = \"ring\"\n[vessel]\nkind = \"tubes\"\nwall_stiffness_N_mm2 = 1\n"
+    "[[vessel.tube]]\nname = \"main\"\npoints_mm = [[0, 0, 0], [0, 0, 80]]\nradii_mm = [15]\n"
+    "[entry]\ncenterline = \"main\"\nat_mm = 5\n"
+    "[[instrument]]\nname = \"wire\"\nmax_length_mm = 120\nradius_mm = 0.2\n"
+    "rigidity_N_mm2 = 0.05\ninserted_at_start_mm = 32\nfrom_tip_mm = [0, 30, 31]\n"
+    "curvature_1_per_mm = [0.25, 0.25, 0]\n"
+    "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 100\nradius_mm = 0.6\n"
+    "inner_radius_mm = 0.25\nrigidity_N_mm2 = 20\ninserted_at_start_mm = 30\n"
+    "[relaxation]\nsegment_mm = 0.75\n[effects.clearance]\naround = [\"catheter\"]\n";
+
+TEST_CASE("A wire that curls back presses on the outside of its catheter") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("ring.toml");
+  const std::string friction = GENERATE(
+      as<std::string>(), "", "[effects.torsion]\n[effects.friction_between]\ncoefficient = 0.1\n");
+  std::ofstream(path) << kRing << kItself << friction;
+  scene::Scene scene(path);
+  simulator::Simulation simulation(scene);
+  FeedIntoSac(simulation, scene, 1, 36);
+  // The ring would reach the catheter after 0.9 of a turn, 22.5 mm.
+  CHECK(Reading(simulation, "self_contact_force_sum_mN") == 0);
+  const auto twin_scene = scene.MakeTwin();
+  simulator::Simulation copy(*twin_scene, simulation);
+  FeedIntoSac(simulation, scene, 37, 50);
+  FeedIntoSac(copy, *twin_scene, 37, 50);
+  CHECK(Reading(simulation, "self_contact_force_sum_mN") > 0.02);
+  CHECK(copy.state_hash() == simulation.state_hash());
+}
+
 TEST_CASE("The paper's method refuses contact with itself") {
   const TemporaryFolder folder;
   const std::string path = WriteSac(folder, "method = \"paper\"\n" + std::string(kItself));

@@ -101,5 +101,81 @@ TEST_CASE("Finer segments change the contact of a wire with itself ever less") {
   CHECK((ghost.state.tip() - tips[1]).norm() > 3 * fine_mm);
 }
 
+// A wire that rests as a hook leaves the mouth of a rigid, straight catheter and turns back. A
+// force on its tip pulls it across the axis of the catheter.
+struct Hook {
+  static constexpr double kCatheterMm = 0.6;  // radius
+  static constexpr double kMouthMm = 40;      // along the catheter
+  static constexpr double kForce_N = 5e-4;
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall{.points_per_segment = 2};
+  EndForce force{-kForce_N * SheathNormal(Vector3d::UnitX())};
+  std::vector<EnergyTerm*> terms{&force};
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  // Half a circle with a radius of 4 mm, and a straight end.
+  static std::vector<WireModel> Wires(double ratio, double segment_mm) {
+    const double wire = kLoopRigidity;
+    const double catheter = 1e6;  // so it bends by 2 nm
+    return {WireModel(segment_mm,
+                      {{0, wire, kLoopWireMm, 0, 0, ratio * wire},
+                       {8, wire, kLoopWireMm, 0, 0, ratio * wire},
+                       {8.5, wire, kLoopWireMm, 0.25, 0, ratio * wire},
+                       {20.5, wire, kLoopWireMm, 0.25, 0, ratio * wire},
+                       {21, wire, kLoopWireMm, 0, 0, ratio * wire}},
+                      0, 90, BendingLaw::kExact, {}),
+            WireModel(segment_mm, {{0, catheter, kCatheterMm, 0, 0, ratio * catheter}}, 0, 90,
+                      BendingLaw::kExact, {})};
+  }
+  Hook(double ratio, double segment_mm, bool touches)
+      : stack(Wires(ratio, segment_mm), {.has_room = {false, true},
+                                         .lumen_radius_mm = {0, kLoopWireMm + 0.05},
+                                         .touches_itself = touches,
+                                         .stiffness_N_mm2 = 0.5}),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
+        state(stack.empty_rod(), 2) {
+    relaxation->Restart(state);
+    for (double fed_mm = 0; fed_mm <= 22; fed_mm += 1) {
+      REQUIRE(Settle(*relaxation, {{kMouthMm + fed_mm, 0}, {kMouthMm, 0}}, state, 1000).converged);
+    }
+  }
+  // Distance between the axis of the catheter and the wire that has turned back. The chords of the
+  // wire, in small steps.
+  double NearestMm() const {
+    double nearest_mm = 1e9;
+    const std::vector<Vector3d>& nodes = state.nodes();
+    for (std::size_t i = nodes.size() / 2; i + 1 < nodes.size(); ++i) {
+      if (nodes[i + 1][0] > nodes[i][0]) continue;
+      for (double part = 0; part < 1; part += 0.01) {
+        const Vector3d at = (1 - part) * nodes[i] + part * nodes[i + 1];
+        if (at[0] < kMouthMm) nearest_mm = std::min(nearest_mm, std::hypot(at[1], at[2]));
+      }
+    }
+    return nearest_mm;
+  }
+  // Force of the wire on the outside of the catheter.
+  double OutsideN() const {
+    for (const BetweenCurves& between : relaxation->Current().between) {
+      if (!between.ordered && between.inner != between.outer) return between.pressed_N;
+    }
+    return 0;
+  }
+};
+
+TEST_CASE("A wire that turns back comes to rest on the outside of its catheter") {
+  const double ratio = GENERATE(0.0, 30.0);  // a softer wire twists and swings aside
+  const double segment_mm = GENERATE(1.0, 0.5);
+  const Hook hook(ratio, segment_mm, true);
+  const Hook ghost(ratio, segment_mm, false);
+  CAPTURE(ratio, segment_mm, hook.state.tip().transpose(), hook.OutsideN());
+  CHECK(hook.OutsideN() > 5e-5);
+  // The force indents by less than 1 um. A chord of an arc with curvature 0.16/mm lies beside it.
+  const double chord_mm = 0.16 * segment_mm * segment_mm / 8;
+  CHECK(hook.NearestMm() == Approx(kLoopWireMm + Hook::kCatheterMm).margin(chord_mm + 1e-3));
+  CHECK(ghost.NearestMm() < 0.1);
+}
+
 }  // namespace
 }  // namespace torquer::test

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -103,6 +104,69 @@ struct HeadOn : DenseCurves {
     for (int c = 0; c < 2; ++c) mechanics.points(c).UpdateRadii();
     state = Stepped(x);
     Build();
+  }
+};
+
+// A wire that has left a catheter, turns back, and runs along its outside, head on.
+struct TurnedBack : DenseCurves {
+  static constexpr double kCatheterMm = 0.7;  // radius
+  static std::vector<WireModel> Wires(double ratio) {
+    const double rigidity = 2e-2;
+    return {CoilWire(ratio, 0.02, {}, 1.3),
+            WireModel(1.3, {{0, rigidity, kCatheterMm, 0, 0, ratio * rigidity}}, 0, 120,
+                      BendingLaw::kExact, {})};
+  }
+  // Straight on to x = 12, then on circles: to (12, 2 r), and back along y = `apart_mm`.
+  static std::vector<Vector3d> Way(double apart_mm, double end_mm) {
+    constexpr double kBowMm = 3;
+    constexpr double kStep = 0.05;
+    const double slope = M_PI / 3;
+    std::vector<Vector3d> way;
+    Vector3d at = Vector3d::Zero();
+    double heading = 0;
+    const auto go = [&](double length_mm, double turn_rad) {
+      const int steps = static_cast<int>(std::ceil(length_mm / kStep));
+      for (int k = 0; k < steps; ++k) {
+        heading += turn_rad / steps;
+        way.push_back(at += length_mm / steps * Vector3d(std::cos(heading), std::sin(heading), 0));
+      }
+    };
+    go(12, 0);
+    go((M_PI + slope) * kBowMm, M_PI + slope);
+    const double drop_mm = at[1] - apart_mm - kBowMm * (1 - std::cos(slope));
+    go(drop_mm / std::sin(slope), 0);
+    go(slope * kBowMm, -slope);
+    go(at[0] - end_mm, 0);
+    return way;
+  }
+
+  TurnedBack(double ratio, double apart_mm, unsigned seed, double catheter_mm = 11.2)
+      : DenseCurves(Wires(ratio),
+                    {.has_room = {false, true},
+                     .lumen_radius_mm = {0, 0.4},
+                     .touches_itself = true,
+                     .stiffness_N_mm2 = 2e-3},
+                    NoVessel(), {.stiffness_N_mm2 = 2e-3, .points_per_segment = 2}) {
+    const std::vector<Vector3d> way = Way(apart_mm, 2.2);
+    double length_mm = way.front().norm();
+    for (std::size_t k = 1; k < way.size(); ++k) length_mm += (way[k] - way[k - 1]).norm();
+    const InstrumentPoses poses{{length_mm, 0}, {catheter_mm, 0.2}};
+    rods.Combine(poses);
+    state = WireState::Along(model, way, poses);
+    LayCurves(rods, state);
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> turn(-0.01, 0.01);
+    Eigen::VectorXd x(unknowns());
+    for (double& component : x) component = turn(random);
+    for (int c = 0; c < 2; ++c) mechanics.points(c).UpdateRadii();
+    state = Stepped(x);
+    Build();
+  }
+  // Contacts of the wire with the outside of the catheter.
+  const BetweenCurves& Outside() const {
+    return *std::find_if(at.between.begin(), at.between.end(), [](const BetweenCurves& between) {
+      return !between.ordered && between.inner == 0 && between.outer == 1;
+    });
   }
 };
 

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <optional>
 #include <sstream>
+#include <utility>
 #include <vector>
 
 #include "host/simulator/simulation.h"
@@ -205,9 +206,10 @@ class SceneRun {
       for (int outer = c + 1; outer < state.curves(); ++outer) {
         const bool beside = scene_.stack().AreBeside(c, outer);
         if (state.curve(outer).segments() == 0) continue;
-        if (beside || scene_.stack().CurveAround(c) == outer) {
-          least_mJ += beside ? EnergyBeside(c, outer) : EnergyInLumen(c, outer);
+        if (beside || scene_.stack().clearance().touches_itself) {
+          least_mJ += EnergyBeside(c, outer);
         }
+        if (scene_.stack().CurveAround(c) == outer) least_mJ += EnergyInLumen(c, outer);
       }
     }
     outcome_.sharp_bends += bends_sharply_;
@@ -247,26 +249,41 @@ class SceneRun {
     return scene_.stack().clearance().stiffness_N_mm2 * length_mm * overlap_mm * overlap_mm / 2;
   }
 
-  // `o`: another curve, or the same one, which touches itself.
+  // The curve around a curve at an arc length, by the lengths of both. In the vessel it is the
+  // number of curves.
+  int CurveAroundAt(int curve, double arc_mm) const {
+    const WireState& state = session_.state();
+    int around = scene_.stack().CurveAround(curve);
+    while (around < state.curves() && arc_mm >= state.curve(around).insertion_mm()) {
+      around = scene_.stack().CurveAround(around);
+    }
+    return around;
+  }
+
+  // `o`: another curve beside this one, or one whose lumen this one has left. A curve that touches
+  // itself is both.
   double EnergyBeside(int c, int o) {
     constexpr std::size_t kApart = 4;  // segments of a curve that do not touch each other
     const Curve& curve = session_.state().curve(c);
     const Curve& other = session_.state().curve(o);
+    bool has_left = c == o || scene_.stack().AreBeside(c, o);
     double energy_mJ = 0;
     double before_mm = 0;
     double arc_mm = 0;
-    for (std::size_t i = 1; i < curve.nodes().size(); ++i) {
-      const double length_mm = (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
+    for (std::size_t i = 0; i < curve.nodes().size(); ++i) {
+      const double length_mm = i == 0 ? 0 : (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
       arc_mm += length_mm;
+      const double last_mm = std::exchange(before_mm, 0);
       const Nearest nearest = NearestOn(other, curve.nodes()[i], c == o ? i + kApart : 0);
-      if (c == o && nearest.is_begin) continue;
-      if (nearest.arc_mm >= other.insertion_mm() - 1e-6) continue;  // beyond the other tip
+      const bool is_beyond = nearest.arc_mm >= other.insertion_mm() - 1e-6;  // the other tip
+      has_left = has_left || is_beyond;
+      if (!has_left || is_beyond || (c == o && nearest.is_begin)) continue;
+      if (CurveAroundAt(c, arc_mm) != CurveAroundAt(o, nearest.arc_mm)) continue;
       const double touching_mm = SurfaceRadius(c, arc_mm) + SurfaceRadius(o, nearest.arc_mm);
       outcome_.closest = std::min(outcome_.closest, nearest.distance_mm / touching_mm);
-      const double bulges_mm = Bulges(c, i - 1, o, nearest.segment);
-      const double overlap_mm = touching_mm - nearest.distance_mm - bulges_mm;
-      energy_mJ += ContactEnergy(before_mm, overlap_mm, length_mm);
-      before_mm = overlap_mm;
+      const double bulges_mm = i == 0 ? 0 : Bulges(c, i - 1, o, nearest.segment);
+      before_mm = touching_mm - nearest.distance_mm - bulges_mm;
+      energy_mJ += ContactEnergy(last_mm, before_mm, length_mm);
     }
     return energy_mJ;
   }
@@ -279,7 +296,7 @@ class SceneRun {
       return 0;
     }
     double energy_mJ = 0;
-    double before_mm = 0;
+    double before_mm = SurfaceRadius(c, 0) - LumenRadius(o, 0);
     double before_arc_mm = 0;
     double arc_mm = 0;
     for (std::size_t i = 1; i < curve.nodes().size(); ++i) {

@@ -131,6 +131,7 @@ void BetweenCurves::Reserve(const LumenPairs& pairs) {
   inner = pairs.inner;
   outer = pairs.outer;
   beside = pairs.beside;
+  turned_back = pairs.turned_back;
   ordered = pairs.ordered;
   groups.reserve(pairs.groups.capacity());
   springs.reserve(pairs.places.capacity());

@@ -81,6 +81,7 @@ struct BetweenCurves {
   int inner = 0;                      ///< number of the inner curve
   int outer = 0;                      ///< number of the outer curve
   bool beside = false;                ///< the curves lie beside each other, not within
+  bool turned_back = false;           ///< as in LumenPairs
   bool ordered = true;                ///< as in LumenPairs
   bool at_mouth = false;              ///< the last place is the outer curve's mouth
   std::vector<SegmentPair> groups;    ///< pairs of segments that face each other, from the sheath

@@ -33,12 +33,14 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
   const auto segments = static_cast<std::size_t>(stack.empty_rod().max_segments()) + 1;
   const auto pieces =
       segments * static_cast<std::size_t>(LumenPairs::PiecesPerSegment(points_per_segment));
+  const bool touches_itself = stack.clearance().touches_itself;
   const auto cross = [&](int inner, int outer) {
     // A wire that fills a cavity faces some six neighbors.
     constexpr std::size_t kMostFaced = 6;
     LumenPairs& pairs = AddPairs(inner, outer);
     pairs.beside = true;
     pairs.ordered = false;
+    pairs.turned_back = inner != outer && !stack.AreBeside(inner, outer);
     pairs.groups.reserve(kMostFaced * segments);
     pairs.places.reserve(kMostFaced * pieces);
     pairs.spots.reserve(LumenPairs::MostCrossingSpots(pieces));
@@ -51,9 +53,9 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
       pairs.groups.reserve(2 * segments);
       pairs.places.reserve(2 * segments + pieces);
       pairs.spots.reserve(pieces);
-      if (beside) cross(inner, outer);
+      if (beside || touches_itself) cross(inner, outer);
     }
-    if (stack.clearance().touches_itself) cross(inner, inner);
+    if (touches_itself) cross(inner, inner);
   }
   for (LumenPairs& pairs : pairs_) {
     pairs.pieces_per_segment = LumenPairs::PiecesPerSegment(points_per_segment);

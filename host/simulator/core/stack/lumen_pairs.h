@@ -13,7 +13,8 @@
 // curve, seen from outside, replaces the lumen's wall. The outer curve has the higher number.
 //
 // Separate pairs have the places that face each other head on or out of order (crossing_pairs.cpp).
-// So do the places of a curve that comes near itself. They have no order from sheath to tip.
+// So do the places of a curve that comes near itself. Others have left the lumen of a curve and
+// come near its outside. They have no order from sheath to tip.
 //
 // The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
 // the energy of that part is smooth.
@@ -67,11 +68,18 @@ struct LumenPlace {
 };
 
 struct BesidePlace;
+struct PairBuilder;
 
 /// Pair of segments, one of each curve.
 struct SegmentPair {
   int inner = 0;
   int outer = 0;
+};
+
+/// Segments of a curve, from `begin` to before `end`.
+struct SegmentStretch {
+  int begin = 0;
+  int end = 0;
 };
 
 /// Places of two curves.
@@ -82,6 +90,8 @@ struct LumenPairs {
   /// itself.
   int outer = 0;
   bool beside = false;  ///< the curves lie beside each other, not within
+  /// The inner curve has left the lumen of the outer one, turns back, and comes beside it.
+  bool turned_back = false;
   /// Neither index of the groups decreases. False for curves that cross.
   bool ordered = true;
   std::vector<SegmentPair> groups;  ///< from the sheath
@@ -127,6 +137,8 @@ class CurvePairs {
   LumenPairs& AddPairs(int inner, int outer);
   void FindBeside(const CombinedRods& rods, const WireState& state, LumenPairs& out) const;
   void FindCrossing(const CombinedRods& rods, const WireState& state, LumenPairs& out);
+  template <class Takes>
+  void AddFacing(int segment, const SegmentStretch& stretch, PairBuilder& add, Takes takes) const;
   void OrderBeside(const CombinedRods& rods, const WireState& state);
   void MoveGroup(const CombinedRods& rods, const WireState& state, const SegmentPair& on, int group,
                  LumenPairs& pairs) const;

@@ -122,7 +122,9 @@ BesidePlace PairBuilder::FindBeside(int segment, int k, int outer_segment) const
   if (foot_mm < -segment_mm || foot_mm > 2 * segment_mm) return place;
   place.arc_mm = ArcMm(inner_rod, inner, segment) + place.past_mm;
   place.foot_arc_mm = ArcMm(outer_rod, outer, outer_segment) + foot_mm;
-  place.covered = CoveredFraction(place.foot_arc_mm, outer.ArcLength(outer_rod), piece_mm);
+  // A curve that turns back at the mouth touches no outside there yet.
+  const double covers_mm = outer.ArcLength(outer_rod) - (out.turned_back ? piece_mm / 2 : 0);
+  place.covered = CoveredFraction(place.foot_arc_mm, covers_mm, piece_mm);
   place.weight_mm = place.covered * piece_mm;
   return place;
 }

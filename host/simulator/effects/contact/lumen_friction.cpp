@@ -53,9 +53,10 @@ LumenFriction::LumenFriction(double coefficient, double slip_mm, const EffectCon
     if (curves > 1) {
       for (std::vector<HeldContact>& held : held_[k]) held.resize(pieces);
     }
-    std::size_t pairs = context.stack->clearance().touches_itself ? 1 : 0;
+    const bool touches_itself = context.stack->clearance().touches_itself;
+    std::size_t pairs = touches_itself ? 1 : 0;
     for (int other = c + 1; other < curves; ++other) {
-      pairs += context.stack->AreBeside(c, other) ? 1 : 0;
+      pairs += touches_itself || context.stack->AreBeside(c, other) ? 1 : 0;
     }
     crossing_[k].held.reserve(pairs * LumenPairs::MostCrossingSpots(pieces));
     crossing_[k].before.reserve(pairs * LumenPairs::MostCrossingSpots(pieces));

@@ -9,7 +9,7 @@ void SelfContactObserver::CopyFrom(const Effect& twin) {
 void SelfContactObserver::Observe(const TickView& tick) {
   pressed_N_ = 0;
   for (const BetweenCurves& between : tick.quadratic.between) {
-    if (between.inner == between.outer) pressed_N_ += between.pressed_N;
+    if (between.inner == between.outer || between.turned_back) pressed_N_ += between.pressed_N;
   }
 }
 
@@ -34,17 +34,18 @@ std::unique_ptr<Effect> MakeSelfContact(const SelfContactSpec& /*spec*/,
 }  // namespace
 
 EffectKind SelfContactKind() {
-  return {
-      .name = "self_contact",
-      .summary = "contact of each instrument with itself: loops and coils hold their turns apart",
-      .roles = "setup, observer",
-      .keys = Any(SelfContactKeys()),
-      .make = MakeWith(MakeSelfContact),
-      .room = [](const std::any& /*spec*/, const std::vector<Instrument>& /*instruments*/,
-                 const WallModel& wall, Clearance& clearance) {
-        clearance.touches_itself = true;
-        if (clearance.stiffness_N_mm2 == 0) clearance.stiffness_N_mm2 = wall.stiffness_N_mm2;
-      }};
+  return {.name = "self_contact",
+          .summary =
+              "contact of each instrument with itself, and with the outside of a catheter that it "
+              "has left: loops and coils hold their turns apart",
+          .roles = "setup, observer",
+          .keys = Any(SelfContactKeys()),
+          .make = MakeWith(MakeSelfContact),
+          .room = [](const std::any& /*spec*/, const std::vector<Instrument>& /*instruments*/,
+                     const WallModel& wall, Clearance& clearance) {
+            clearance.touches_itself = true;
+            if (clearance.stiffness_N_mm2 == 0) clearance.stiffness_N_mm2 = wall.stiffness_N_mm2;
+          }};
 }
 
 }  // namespace torquer::effects
