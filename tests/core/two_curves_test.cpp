@@ -201,7 +201,7 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
   REQUIRE(Settle(*arcs.relaxation, {{30, 0.5}, {22, -1}}, arcs.state, 400).converged);
   CHECK(arcs.relaxation->SolverErrorMm(arcs.state) < 1e-5);
   // After a spent budget the reported error is about the true one, on both curves.
-  CountedBudget few(4);
+  CountedBudget few(3);
   arcs.relaxation->Tick({{30, 0.6}, {22, -1.3}}, few, arcs.state);
   const double said_mm = arcs.relaxation->SolverErrorMm(arcs.state);
   const WireState before = arcs.state;
@@ -209,7 +209,7 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
   const double true_mm = std::max(LargestDistance(before, arcs.state),
                                   LargestDistance(before.curve(1), arcs.state.curve(1)));
   CAPTURE(said_mm, true_mm);
-  CHECK(true_mm > 1e-5);
+  CHECK(true_mm > 1e-4);
   CHECK(said_mm == Approx(true_mm).epsilon(0.2));
 }
 

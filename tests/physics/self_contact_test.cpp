@@ -138,7 +138,7 @@ struct Hook {
         state(stack.empty_rod(), 2) {
     relaxation->Restart(state);
     for (double fed_mm = 0; fed_mm <= 22; fed_mm += 1) {
-      REQUIRE(Settle(*relaxation, {{kMouthMm + fed_mm, 0}, {kMouthMm, 0}}, state, 1000).converged);
+      REQUIRE(Settle(*relaxation, {{kMouthMm + fed_mm, 0}, {kMouthMm, 0}}, state, 5).converged);
     }
   }
   // Distance between the axis of the catheter and the wire that has turned back. The chords of the
