@@ -39,6 +39,12 @@ if(TORQUER_PRECOMPILE)
   # headers GCC 12 raises these warnings falsely, for code that is inlined from system headers.
   target_compile_options(torquer_build_rules INTERFACE -pthread
     $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds;-Wno-stringop-overflow;-Wno-stringop-overread>)
+  if(TORQUER_SANITIZE)
+    # GCC collects no garbage below 1 GB: 5 % less to compile. With a compiler launcher the options stay as they are in
+    # its cache.
+    target_compile_options(torquer_build_rules INTERFACE
+      $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=1048576>)
+  endif()
   torquer_precompiled(torquer_precompiled_headers HEADERS ${torquer_common_headers})
 endif()
 
