@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "host/support/angle.h"
@@ -199,8 +200,18 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
   return news;
 }
 
+std::string FittingParts(const std::string& line, std::size_t columns) {
+  if (line.size() <= columns) return line;
+  // The separator may lie beyond the last column.
+  const std::size_t end = columns == 0 ? 0 : line.rfind(" | ", columns);
+  if (columns > 0 && end != std::string::npos) return line.substr(0, end);
+  constexpr std::string_view kCut = "...";
+  if (columns < kCut.size()) return line.substr(0, columns);
+  return line.substr(0, columns - kCut.size()).append(kCut);
+}
+
 std::string LiveStatus::Line(double interval_s, std::int64_t now_us) {
-  // The most important data comes first: a narrow terminal cuts off the end.
+  // The most important data comes first: a narrow terminal leaves out the end.
   const std::string conflict = simulators_.Conflict(now_us);
   std::string line = (conflict.empty() ? scene_ : conflict) + Instruments(now_us);
   std::int64_t lost = 0;

@@ -1,6 +1,7 @@
 // Live status: one status line of a running session. No I/O, no clock.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -19,6 +20,10 @@ namespace torquer::tools {
 
 /// Describes the bits of wire_state_t::status that matter to users; "ok" for none.
 std::string StatusWords(std::int32_t status);
+
+/// The first parts of a status line, as many as fit into `columns`. Parts end at " | ", so no
+/// number is cut. A first part that is too long is cut and ends with "...", if that fits.
+std::string FittingParts(const std::string& line, std::size_t columns);
 
 /// Collects messages, and describes those since the last call of Line(). Outdated data is shown
 /// with its age, not as the present state. All text from messages is passed through Printable.

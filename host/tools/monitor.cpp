@@ -29,21 +29,21 @@ std::size_t TerminalWidth() {
   return size.ws_col;
 }
 
-void Show(const std::string& line, bool lasting, std::size_t width) {
+void Show(const std::string& line, bool lasting) {
+  const std::size_t width = TerminalWidth();  // it may have changed
   if (width == 0) {
     fmt::print("{}\n", line);
   } else if (lasting) {
     fmt::print("\r\033[K{}\n", line);
   } else {
-    // Truncated, because a wrapped line cannot be overwritten.
-    fmt::print("\r\033[K{}", line.substr(0, width - 1));
+    // A wrapped line could not be overwritten.
+    fmt::print("\r\033[K{}", torquer::tools::FittingParts(line, width - 1));
   }
   std::fflush(stdout);
 }
 
 int Run(const std::string& url, std::optional<double> duration_s) {
   torquer::bus::Bus bus(url);
-  const std::size_t width = TerminalWidth();
   torquer::tools::LiveStatus status(torquer::bus::ClockId());
   bus.Subscribe<torquer_lcm::device_sample_t>(
       torquer::protocol::kDeviceSampleChannel, [&](const auto& message) { status.Add(message); },
@@ -60,16 +60,16 @@ int Run(const std::string& url, std::optional<double> duration_s) {
   bus.Subscribe<torquer_lcm::readings_t>(torquer::protocol::kReadingsChannel,
                                          [&](const auto& message) {
                                            const std::string news = status.Add(message);
-                                           if (!news.empty()) Show(news, true, width);
+                                           if (!news.empty()) Show(news, true);
                                          });
   bus.Subscribe<torquer_lcm::health_t>(torquer::protocol::kHealthChannel, [&](const auto& message) {
     const std::string news = status.Add(message, torquer::bus::MonotonicUs());
-    if (!news.empty()) Show(news, true, width);
+    if (!news.empty()) Show(news, true);
   });
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   const std::int64_t start_us = torquer::bus::MonotonicUs();
   const std::int64_t end_us = start_us + static_cast<std::int64_t>(1e6 * duration_s.value_or(0));
-  const std::int64_t interval_us = width > 0 ? 200'000 : 1'000'000;
+  const std::int64_t interval_us = isatty(STDOUT_FILENO) != 0 ? 200'000 : 1'000'000;
   std::int64_t shown_us = start_us;
   bool ended = false;
   while (!ended) {
@@ -78,10 +78,10 @@ int Run(const std::string& url, std::optional<double> duration_s) {
     bus.Handle(0);
     const std::int64_t now_us = torquer::bus::MonotonicUs();
     const std::string notice = bus.TakeNotice(now_us);
-    if (!notice.empty()) Show(notice, true, width);
+    if (!notice.empty()) Show(notice, true);
     ended = stop || (duration_s && now_us >= end_us);
     if (ended || now_us - shown_us >= interval_us) {
-      Show(status.Line(1e-6 * static_cast<double>(now_us - shown_us), now_us), ended, width);
+      Show(status.Line(1e-6 * static_cast<double>(now_us - shown_us), now_us), ended);
       shown_us = now_us;
     }
   }

@@ -281,3 +281,17 @@ TEST_CASE(
   }
   CHECK_THAT(status.Line(1, kNowUs + 100), Catch::Contains("guidewire running"));
 }
+
+TEST_CASE("A narrow terminal shows whole parts of the line") {
+  const std::string line = "arch | guidewire 451.25 mm, +90 deg | ok | device running";
+  CHECK(tools::FittingParts(line, line.size()) == line);
+  CHECK(tools::FittingParts(line, line.size() - 1) == "arch | guidewire 451.25 mm, +90 deg | ok");
+  CHECK(tools::FittingParts(line, 40) == "arch | guidewire 451.25 mm, +90 deg | ok");
+  CHECK(tools::FittingParts(line, 39) == "arch | guidewire 451.25 mm, +90 deg");
+  CHECK(tools::FittingParts(line, 20) == "arch");
+  CHECK(tools::FittingParts(line, 4) == "arch");
+  CHECK(tools::FittingParts(line, 3) == "...");
+  CHECK(tools::FittingParts(line, 2) == "ar");
+  CHECK(tools::FittingParts(line, 0).empty());
+  CHECK(tools::FittingParts("left_coronary", 8) == "left_...");
+}
