@@ -42,6 +42,7 @@ enum Button : uint8_t {
   kButtonXray = 1 << 0,
   kButtonContrast = 1 << 1,
   kButtonClutch = 1 << 2,
+  kButtonStick = 1 << 3,  ///< chooses if the joystick moves the C-arm, the table, or its height
 };
 
 /// Full scale of InputReport::joystick_x and joystick_y; the center is calibrated.
@@ -59,7 +60,7 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
   FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
   FIELD(uint8_t,  flags,             "ReportFlag")                                                 \
   FIELD(uint8_t,  boot_id,           "changes at every reset of the device")                       \
-  FIELD(uint8_t,  buttons,           "bit 0 X-ray, bit 1 contrast, bit 2 clutch; 1 while held")    \
+  FIELD(uint8_t,  buttons,           "bit 0 X-ray, 1 contrast, 2 clutch, 3 stick; 1 while held")   \
   FIELD(uint16_t, sequence,          "one more than in the previous report; wraps")                \
   FIELD(uint32_t, device_time_us,    "device clock at sampling, us; wraps after 71.6 minutes")     \
   FIELD(int32_t,  axial_counts,      "cumulative counts, positive distally; wraps")                \

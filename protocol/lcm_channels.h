@@ -10,6 +10,7 @@ namespace torquer::protocol {
 inline constexpr char kDeviceSampleChannel[] = "TORQUER_DEVICE_SAMPLE";
 inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND";
 inline constexpr char kImagingCommandChannel[] = "TORQUER_IMAGING_COMMAND";
+inline constexpr char kTableCommandChannel[] = "TORQUER_TABLE_COMMAND";
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
 inline constexpr char kReadingsChannel[] = "TORQUER_READINGS";
@@ -21,12 +22,11 @@ inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
 inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
 /// All of them.
-inline constexpr const char* kChannels[] = {kDeviceSampleChannel,   kInstrumentCommandChannel,
-                                            kWireStateChannel,      kSceneChannel,
-                                            kReadingsChannel,       kWireForcesChannel,
-                                            kPictureChannel,        kHealthChannel,
-                                            kHandMotionChannel,     kEmulatorTruthChannel,
-                                            kImagingCommandChannel, kLateralPictureChannel};
+inline constexpr const char* kChannels[] = {
+    kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel,      kSceneChannel,
+    kReadingsChannel,     kWireForcesChannel,        kPictureChannel,        kHealthChannel,
+    kHandMotionChannel,   kEmulatorTruthChannel,     kImagingCommandChannel, kLateralPictureChannel,
+    kTableCommandChannel};
 
 /// Version of the message types: any change of a type needs a new version (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 3;
@@ -49,6 +49,8 @@ enum InstrumentFlag : std::int32_t {
   kCommandSensorFault = 1 << 2,   ///< the sensor does not answer
   kCommandClutch = 1 << 3,        ///< clutch held: the hand moves, the wire stays
   kCommandNoDevice = 1 << 4,      ///< no device: the last position is held
+  kCommandStickTable = 1 << 5,    ///< the joystick moves the table, not the C-arm
+  kCommandStickHeight = 1 << 6,   ///< the joystick moves the table up and down
 };
 
 /// imaging_command_t::mode.

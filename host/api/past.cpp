@@ -50,7 +50,8 @@ std::vector<double> ControlsOf(const Command& row) {
   const Imaging& imaging = row.imaging;
   return {row.lao_deg,          row.cra_deg,           static_cast<double>(imaging.mode),
           imaging.pulses_per_s, imaging.magnification, imaging.left,
-          imaging.right,        imaging.top,           imaging.bottom};
+          imaging.right,        imaging.top,           imaging.bottom,
+          row.table.left_mm,    row.table.head_mm,     row.table.height_mm};
 }
 
 void TakeControls(Reader& reader, Command& row) {
@@ -60,8 +61,9 @@ void TakeControls(Reader& reader, Command& row) {
   const auto mode = reader.Take<double>();
   if (!(mode >= 0 && mode <= static_cast<double>(Imaging::Mode::kRoadmap))) Reader::Refuse();
   imaging.mode = static_cast<Imaging::Mode>(static_cast<int>(mode));
-  for (double* const value : {&imaging.pulses_per_s, &imaging.magnification, &imaging.left,
-                              &imaging.right, &imaging.top, &imaging.bottom}) {
+  for (double* const value :
+       {&imaging.pulses_per_s, &imaging.magnification, &imaging.left, &imaging.right, &imaging.top,
+        &imaging.bottom, &row.table.left_mm, &row.table.head_mm, &row.table.height_mm}) {
     *value = reader.Take<double>();
   }
 }

@@ -26,17 +26,17 @@ void CheckPlane(int plane, int count, const std::string& scene) {
 
 // Projection of a plane under the settings of a command.
 effects::Projection ProjectionOf(const scene::Scene& scene, int plane, const Command& command) {
-  const auto make = [&](const effects::Fluoroscopy& from, double lao_rad, double cra_rad) {
-    return effects::Projection(from.settings().ArmOf(ToEffects(command.imaging)), lao_rad, cra_rad);
-  };
+  effects::Controls controls = ToControls(command);
   for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
     if (plane == 0) {
       if (const auto* const first = dynamic_cast<const effects::Fluoroscopy*>(effect.get())) {
-        return make(*first, kRadPerDeg * command.lao_deg, kRadPerDeg * command.cra_deg);
+        return first->settings().ProjectionOf(controls);
       }
     } else if (const auto* const lateral =
                    dynamic_cast<const effects::LateralPlane*>(effect.get())) {
-      return make(lateral->plane(), lateral->lao_rad(), lateral->cra_rad());
+      controls.lao_rad = lateral->lao_rad();
+      controls.cra_rad = lateral->cra_rad();
+      return lateral->plane().settings().ProjectionOf(controls);
     }
   }
   throw Error(scene.name() + ": no effect takes pictures in this plane");

@@ -15,11 +15,7 @@ simulator::Command ToTick(const Command& row) {
     tick.target[k] = {hand.insertion_mm, hand.rotation_rad};
   }
   tick.time_s = row.time_s;
-  tick.controls = {.lao_rad = kRadPerDeg * row.lao_deg,
-                   .cra_rad = kRadPerDeg * row.cra_deg,
-                   .xray = row.xray,
-                   .contrast = row.contrast,
-                   .imaging = ToEffects(row.imaging)};
+  tick.controls = ToControls(row);
   return tick;
 }
 
@@ -46,6 +42,23 @@ Imaging FromEffects(const effects::Imaging& imaging) {
           .right = imaging.right,
           .top = imaging.top,
           .bottom = imaging.bottom};
+}
+
+effects::Table ToEffects(const Table& table) {
+  return {.left_mm = table.left_mm, .head_mm = table.head_mm, .height_mm = table.height_mm};
+}
+
+Table FromEffects(const effects::Table& table) {
+  return {.left_mm = table.left_mm, .head_mm = table.head_mm, .height_mm = table.height_mm};
+}
+
+effects::Controls ToControls(const Command& row) {
+  return {.lao_rad = kRadPerDeg * row.lao_deg,
+          .cra_rad = kRadPerDeg * row.cra_deg,
+          .xray = row.xray,
+          .contrast = row.contrast,
+          .imaging = ToEffects(row.imaging),
+          .table = ToEffects(row.table)};
 }
 
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {

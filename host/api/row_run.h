@@ -16,6 +16,10 @@ std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene);
 /// Converts settings of the X-ray system to the type that effects take, and back.
 effects::Imaging ToEffects(const Imaging& imaging);
 Imaging FromEffects(const effects::Imaging& imaging);
+/// The same for the table, and for the controls of a command.
+effects::Table ToEffects(const Table& table);
+Table FromEffects(const effects::Table& table);
+effects::Controls ToControls(const Command& row);
 
 /// Runs rows one after another. ScriptTicks divides each row into ticks, each with the scene's
 /// budget for a script's tick.

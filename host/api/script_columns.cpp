@@ -24,7 +24,9 @@ ScriptColumns::ScriptColumns(const CsvTable& table, std::string scene,
 void ScriptColumns::TakeColumn(std::size_t index) {
   constexpr double kAny = 1e300;
   const std::string& name = table_.columns[index];
-  std::vector<std::string> known = {"time_s", "lao_deg", "cra_deg", "xray", "contrast"};
+  std::vector<std::string> known = {"time_s",        "lao_deg",        "cra_deg",
+                                    "xray",          "contrast",       "table_left_mm",
+                                    "table_head_mm", "table_height_mm"};
   using Row = Command&;
   const auto add = [&](std::size_t instrument, double lowest, double highest, bool whole,
                        auto take) {
@@ -44,6 +46,20 @@ void ScriptColumns::TakeColumn(std::size_t index) {
   }
   if (name == "contrast") {
     return add(0, 0, 1, true, [](std::size_t, double v, Row row) { row.contrast = v == 1; });
+  }
+  using effects::Table;
+  const auto add_table = [&](double most, auto take) { add(0, -most, most, false, take); };
+  if (name == "table_left_mm") {
+    return add_table(Table::kMostLeftMm,
+                     [](std::size_t, double v, Row row) { row.table.left_mm = v; });
+  }
+  if (name == "table_head_mm") {
+    return add_table(Table::kMostHeadMm,
+                     [](std::size_t, double v, Row row) { row.table.head_mm = v; });
+  }
+  if (name == "table_height_mm") {
+    return add_table(Table::kMostHeightMm,
+                     [](std::size_t, double v, Row row) { row.table.height_mm = v; });
   }
   for (std::size_t k = 0; k < instruments_.size(); ++k) {
     const std::string& instrument = instruments_[k].name;

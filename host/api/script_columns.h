@@ -13,7 +13,8 @@ namespace torquer {
 
 /// Columns of a script by name. time_s is required and ascends. Optional columns of each instrument
 /// are NAME.insertion_mm and NAME.rotation_rad, measured from the start. Others are lao_deg,
-/// cra_deg, xray and contrast (0 or 1). Errors are UserError naming file, line, value and remedy.
+/// cra_deg, xray and contrast (0 or 1), and the table's table_left_mm, table_head_mm,
+/// table_height_mm. Errors are UserError naming file, line, value and remedy.
 class ScriptColumns {
  public:
   /// Reads only the header. `scene`: the name of the instruments' scene in messages. `table` must

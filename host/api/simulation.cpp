@@ -37,6 +37,12 @@ void Check(const Command& command, const Scene& scene) {
     throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
   }
   CheckImaging(command.imaging);
+  if (const Table& table = command.table; !simulator::IsValid(ToEffects(table))) {
+    throw Error(fmt::format(
+        "the table is at left_mm {}, head_mm {}, height_mm {}; give -150 to 150, -500 to 500, "
+        "-150 to 150",
+        table.left_mm, table.head_mm, table.height_mm));
+  }
 }
 
 std::vector<double> InMilli(const std::vector<double>& values) {

@@ -407,10 +407,10 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   command.xray = hand.xray;
   command.contrast = hand.contrast;
   command.flags = hand.flags;
-  // Stored before publishing: if the daemon is killed in between, the next one does not start one
-  // command back.
+  // Stored before publishing: after a daemon killed in between, the next one does not go back.
   instrument_claim_.Remember({hand.pose, command.sequence, bus::BoottimeUs(), command.clock_id});
   if (bus_.Publish(protocol::kInstrumentCommandChannel, command)) ++commands_published_;
+  table_commands_.Publish(hand.pose.table, command.publish_us, options_.instrument, bus_);
   if (options_.show) options_.show(hand);
 }
 

@@ -16,6 +16,7 @@
 #include "host/daemon/sensor_image.h"
 #include "host/daemon/service_manager.h"
 #include "host/daemon/statistics.h"
+#include "host/daemon/table_commands.h"
 #include "host/device/device_identity.h"
 #include "host/device/report_source.h"
 
@@ -104,6 +105,7 @@ class Daemon {
   std::int64_t last_hold_us_ = 0;
   std::int64_t last_flags_us_ = 0;
   std::int32_t announced_flags_ = 0;
+  TableCommands table_commands_;
   std::int64_t sequence_ = 0;
   std::int64_t commands_published_ = 0;
   std::int64_t connections_ = 0;

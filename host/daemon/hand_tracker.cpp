@@ -32,13 +32,16 @@ HandState HandTracker::Step(const device::Sample& sample) {
   state.flags = Doubts(sample);
   const bool held = state.flags != 0;
   Move(sample, held);
-  TurnArm(sample);
+  ChooseStick(sample);
+  UseStick(sample);
   state.mark = PassMark(sample);
   if (!held) Heal(sample);
   last_ = sample;
   last_held_ = held;
 
   if (!calibrated_) state.flags |= protocol::kCommandUncalibrated;
+  if (stick_ == Stick::kTable) state.flags |= protocol::kCommandStickTable;
+  if (stick_ == Stick::kHeight) state.flags |= protocol::kCommandStickHeight;
   state.pose = CurrentPose();
   state.start = start_;
   state.joystick_x = sample.joystick_x;
@@ -98,15 +101,37 @@ void HandTracker::Move(const device::Sample& sample, bool held) {
   counters_.transverse_applied += transverse;
 }
 
-void HandTracker::TurnArm(const device::Sample& sample) {
+// Each press gives the joystick to the next one.
+void HandTracker::ChooseStick(const device::Sample& sample) {
+  if (!last_ || sample.epoch_start != device::EpochStart::kNone) return;
+  if ((sample.buttons & ~last_->buttons & protocol::kButtonStick) == 0) return;
+  stick_ = stick_ == Stick::kArm     ? Stick::kTable
+           : stick_ == Stick::kTable ? Stick::kHeight
+                                     : Stick::kArm;
+}
+
+void HandTracker::UseStick(const device::Sample& sample) {
   if (!last_ || sample.epoch_start != device::EpochStart::kNone) return;
   const double passed_s = PassedS(sample);
-  const auto turned = [&](double angle, const calibration::JoystickAxis& axis, double counts,
-                          double limit) {
-    return std::clamp(angle + calibration::Rate(axis, counts) * passed_s, -limit, limit);
+  const double x_rad = calibration::Rate(calibration_.lao, sample.joystick_x) * passed_s;
+  const double y_rad = calibration::Rate(calibration_.cra, sample.joystick_y) * passed_s;
+  const auto moved = [](double from, double by, double limit) {
+    return std::clamp(from + by, -limit, limit);
   };
-  base_.lao_rad = turned(base_.lao_rad, calibration_.lao, sample.joystick_x, kLaoLimitRad);
-  base_.cra_rad = turned(base_.cra_rad, calibration_.cra, sample.joystick_y, kCraLimitRad);
+  TablePlace& table = base_.table;
+  switch (stick_) {
+    case Stick::kArm:
+      base_.lao_rad = moved(base_.lao_rad, x_rad, kLaoLimitRad);
+      base_.cra_rad = moved(base_.cra_rad, y_rad, kCraLimitRad);
+      break;
+    case Stick::kTable:
+      table.left_mm = moved(table.left_mm, kTableMmPerRad * x_rad, kTableLeftLimitMm);
+      table.head_mm = moved(table.head_mm, kTableMmPerRad * y_rad, kTableHeadLimitMm);
+      break;
+    case Stick::kHeight:
+      table.height_mm = moved(table.height_mm, kTableHeightMmPerRad * y_rad, kTableHeightLimitMm);
+      break;
+  }
 }
 
 std::optional<MarkPassage> HandTracker::PassMark(const device::Sample& sample) {

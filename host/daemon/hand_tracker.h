@@ -1,5 +1,5 @@
 // Hand tracker: converts samples to the commanded position of the instrument, as absolute
-// insertion, rotation and C-arm angles.
+// insertion, rotation, C-arm angles and table position.
 //
 // Motion between two consecutive samples is applied if both are trusted and have the clutch
 // released. A lift, a poor surface and a sensor fault put a sample in doubt. Motion that is not
@@ -21,17 +21,30 @@
 
 namespace torquer::daemon {
 
-/// Absolute position of an instrument and of the C-arm.
+/// Displacement of the table with the patient since the start, as in table_command_t.
+struct TablePlace {
+  double left_mm = 0.0;    ///< -kTableLeftLimitMm .. kTableLeftLimitMm
+  double head_mm = 0.0;    ///< -kTableHeadLimitMm .. kTableHeadLimitMm
+  double height_mm = 0.0;  ///< -kTableHeightLimitMm .. kTableHeightLimitMm
+  bool operator==(const TablePlace&) const = default;
+};
+
+/// Absolute position of an instrument, of the C-arm and of the table.
 struct Pose {
   double insertion_mm = 0.0;  ///< past the entry point since the start, positive distally
   double rotation_rad = 0.0;  ///< positive right-handed about the distal tangent
   double lao_rad = 0.0;       ///< -kLaoLimitRad .. kLaoLimitRad
   double cra_rad = 0.0;       ///< -kCraLimitRad .. kCraLimitRad
+  TablePlace table{};
 };
 
 /// Travel of the C-arm: 90 degrees to each side, 45 degrees to head and feet.
 inline constexpr double kLaoLimitRad = 1.5707963267948966;
 inline constexpr double kCraLimitRad = 0.7853981633974483;
+/// Travel of the table, which the simulator enforces too.
+inline constexpr double kTableLeftLimitMm = 150.0;
+inline constexpr double kTableHeadLimitMm = 500.0;
+inline constexpr double kTableHeightLimitMm = 150.0;
 
 /// One closing of the end switch (the mark).
 struct MarkPassage {
@@ -76,7 +89,7 @@ class HandTracker {
   /// State to publish without a device: the last pose, pedals up.
   HandState Hold() const;
 
-  /// Makes the present position of the instrument its start, and sets the C-arm upright.
+  /// Makes the present position of the instrument its start. Sets C-arm upright and table back.
   void Home();
 
   /// Call when another device is connected: the position of its mark is unknown.
@@ -86,6 +99,9 @@ class HandTracker {
 
   /// Highest speed at which lost motion is corrected.
   static constexpr double kHealMmPerS = 20.0;
+  /// Motion of the table for a deflection that would turn the C-arm by one radian.
+  static constexpr double kTableMmPerRad = 160.0;
+  static constexpr double kTableHeightMmPerRad = 80.0;
   /// Repeatability of the switch, mm: a smaller difference does not count as lost motion.
   static constexpr double kMarkToleranceMm = 0.3;
   /// Whole travel of the cylinder, mm: a greater difference is refused, not corrected.
@@ -94,13 +110,16 @@ class HandTracker {
  private:
   std::int32_t Doubts(const device::Sample& sample);
   void Move(const device::Sample& sample, bool held);
-  void TurnArm(const device::Sample& sample);
+  void UseStick(const device::Sample& sample);
+  void ChooseStick(const device::Sample& sample);
   std::optional<MarkPassage> PassMark(const device::Sample& sample);
   void Heal(const device::Sample& sample);
   double PassedS(const device::Sample& sample) const;
   double TravelMm(std::int64_t axial) const;
   void UseResolution(int cpi);
   Pose CurrentPose() const;
+
+  enum class Stick { kArm, kTable, kHeight };
 
   bool calibrated_;
   calibration::Calibration calibration_;
@@ -111,6 +130,7 @@ class HandTracker {
   std::optional<device::Sample> last_;
   bool last_held_ = false;
   bool poor_surface_ = false;
+  Stick stick_ = Stick::kArm;
   // The hand's known travel: the counts converted to mm plus the corrections from the marks.
   double travel_base_mm_ = 0.0;
   std::int64_t travel_axial_ = 0;

@@ -91,6 +91,10 @@ std::uint8_t ButtonOf(std::uint16_t code) {
     case BTN_THUMB2:
     case BTN_NORTH:
       return protocol::kButtonClutch;
+    case BTN_SIDE:
+    case BTN_TOP:
+    case BTN_WEST:
+      return protocol::kButtonStick;
     default:
       return 0;
   }

@@ -1,7 +1,7 @@
 // Reports made from an ordinary mouse and an optional joystick: a bench without soldering. The
 // mouse senses the cylinder, with its x axis along the wire (positive distally) and its y axis
-// around it. Its left, right and middle button, or the first three of the joystick, are X-ray,
-// contrast and clutch.
+// around it. Its left, right, middle and side button, or the first four of the joystick, are X-ray,
+// contrast, clutch and stick.
 //
 // Both are grabbed, so that they do not move the pointer. Their raw deltas are read, without the
 // acceleration of the desktop. Every event of the mouse makes a report; without events there is one

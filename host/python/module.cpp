@@ -239,24 +239,29 @@ void AddSimulation(py::module_& module) {
       .def(
           "step",
           [](Simulation& self, double time_s, const Rows& hands, double lao_deg, double cra_deg,
-             bool xray, bool contrast, const Imaging& imaging, const py::object& after_tick) {
+             bool xray, bool contrast, const Imaging& imaging,
+             const std::array<double, 3>& table_mm, const py::object& after_tick) {
             const torquer::Command command{.time_s = time_s,
                                            .hands = ToHands(hands),
                                            .lao_deg = lao_deg,
                                            .cra_deg = cra_deg,
                                            .xray = xray,
                                            .contrast = contrast,
-                                           .imaging = imaging};
+                                           .imaging = imaging,
+                                           .table = {table_mm[0], table_mm[1], table_mm[2]}};
             const auto call = ToAfterTick(after_tick);
             const py::gil_scoped_release free;
             return self.Step(command, call);
           },
           py::arg("time_s"), py::arg("hands"), py::kw_only(), py::arg("lao_deg") = 0.0,
           py::arg("cra_deg") = 0.0, py::arg("xray") = false, py::arg("contrast") = false,
-          py::arg("imaging") = Imaging(), py::arg("after_tick") = py::none(),
+          py::arg("imaging") = Imaging(), py::arg("table_mm") = std::array<double, 3>{},
+          py::arg("after_tick") = py::none(),
           "Advances the simulation to time_s, which must be later than the previous step. hands: "
           "positions at the end, shape (instruments, 2), insertion past the entry in mm and "
-          "rotation in rad. The hands move at constant speed. after_tick is called with the report "
+          "rotation in rad. The hands move at constant speed. table_mm: displacement of the "
+          "patient's "
+          "table to the left, to the head, and up. after_tick is called with the report "
           "of each tick. If it returns False or raises, the step ends there, and the next step "
           "continues from there.")
       .def_property_readonly("time_s", &Simulation::time_s)

@@ -157,6 +157,7 @@ Command ToRow(const simulator::Command& live, double time_s) {
     row.hands.push_back({live.target[k].insertion_mm, live.target[k].rotation_rad});
   }
   row.imaging = FromEffects(live.controls.imaging);
+  row.table = FromEffects(live.controls.table);
   return row;
 }
 
@@ -179,6 +180,7 @@ class Repetition {
       if (IsWithin(message)) feed_.Add(message);
     };
     handlers.imaging = [this](const torquer_lcm::imaging_command_t& message) { Take(message); };
+    handlers.table = [this](const torquer_lcm::table_command_t& message) { Take(message); };
     ReadSessionLog(path, handlers);
     RunTo(std::max(row_ + 1, frame_.end_us() / kJudgeRowUs));
     return {.not_gradable = "", .readings = feed_.readings(), .course = feed_.course()};

@@ -14,6 +14,7 @@
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
+#include "torquer_lcm/table_command_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace torquer {
@@ -23,6 +24,7 @@ struct SessionHandlers {
   std::function<void(const torquer_lcm::device_sample_t&)> sample;
   std::function<void(const torquer_lcm::instrument_command_t&)> command;
   std::function<void(const torquer_lcm::imaging_command_t&)> imaging;
+  std::function<void(const torquer_lcm::table_command_t&)> table;
   std::function<void(const torquer_lcm::wire_state_t&)> state;
   std::function<void(const torquer_lcm::scene_description_t&)> scene;
   std::function<void(const torquer_lcm::readings_t&)> readings;

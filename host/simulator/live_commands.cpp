@@ -67,8 +67,9 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   Source& source = sources_[static_cast<std::size_t>(k)];
   if (!Accepts(source, found->name, message.sequence, sender, now_us)) return;
   const InstrumentPose pose{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
-  const effects::Controls controls{message.lao_rad, message.cra_rad, message.xray != 0,
-                                   message.contrast != 0, command_.controls.imaging};
+  const effects::Controls controls{message.lao_rad,           message.cra_rad,
+                                   message.xray != 0,         message.contrast != 0,
+                                   command_.controls.imaging, command_.controls.table};
   const std::string invalid = InvalidValues(message, pose, controls);
   source.sequence = message.sequence;
   source.refused = !invalid.empty();
@@ -130,6 +131,28 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
   ++taken_;
   if (chosen == command_.controls.imaging) return;
   command_.controls.imaging = chosen;
+  fresh_ = true;
+  sent_us_ = 0;
+}
+
+void LiveCommands::Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,
+                        std::int64_t now_us) {
+  if (message.instrument != simulation_.scene().instruments().front().name) return;
+  if (!Accepts(table_, "table", message.sequence, sender, now_us)) return;
+  table_.sequence = message.sequence;
+  const effects::Table wanted{message.left_mm, message.head_mm, message.height_mm};
+  if (!IsValid(wanted)) {
+    Refuse(table_, kValue, now_us,
+           fmt::format("a command for the table from {} is refused, and the previous one remains "
+                       "valid: left_mm {:g}, head_mm {:g}, height_mm {:g}",
+                       bus::Describe(sender), message.left_mm, message.head_mm, message.height_mm));
+    return;
+  }
+  table_.owner = sender;
+  table_.heard_us = now_us;
+  ++taken_;
+  if (wanted == command_.controls.table) return;
+  command_.controls.table = wanted;
   fresh_ = true;
   sent_us_ = 0;
 }

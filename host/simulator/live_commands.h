@@ -7,6 +7,7 @@
 #include <string>
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
+#include <torquer_lcm/table_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
@@ -17,11 +18,11 @@
 namespace torquer::simulator {
 
 /// Takes instrument commands; the newest one of each instrument is valid. The box of the innermost
-/// instrument sets C-arm and pedals. The newest settings of the X-ray system stay valid when their
-/// sender is silent.
+/// instrument sets C-arm, pedals and table. The newest settings of the X-ray system stay valid when
+/// their sender is silent. So does the newest position of the table.
 ///
-/// Each instrument and the X-ray system has one sender of commands. Ownership ends when no usable
-/// command of this sender has come for kOwnedUs. Until then commands of other senders and
+/// Each instrument, the X-ray system and the table have one sender of commands. Ownership ends when
+/// no usable command of this sender has come for kOwnedUs. Until then commands of other senders and
 /// decreasing numbers are refused. Afterwards any sender and any number from 0 on is accepted. The
 /// class has no clock: the caller passes the time by bus::MonotonicUs().
 class LiveCommands {
@@ -37,6 +38,8 @@ class LiveCommands {
   void Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   void Take(const torquer_lcm::imaging_command_t& message, const bus::Sender& sender,
+            std::int64_t now_us);
+  void Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   /// Detects senders that have become silent. Call it several times in kSilentUs.
   void Age(std::int64_t now_us);
@@ -87,6 +90,7 @@ class LiveCommands {
   Command command_;
   std::vector<Source> sources_;
   Source imaging_;
+  Source table_;
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;
   std::set<std::string> unknown_named_;  // instruments reported in this minute

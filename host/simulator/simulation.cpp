@@ -71,6 +71,13 @@ bool IsValid(const effects::Imaging& imaging) {
          shutter(imaging.bottom);
 }
 
+bool IsValid(const effects::Table& table) {
+  using effects::Table;
+  return std::abs(table.left_mm) <= Table::kMostLeftMm &&
+         std::abs(table.head_mm) <= Table::kMostHeadMm &&
+         std::abs(table.height_mm) <= Table::kMostHeightMm;
+}
+
 bool IsValid(const effects::Controls& controls) {
   return std::abs(controls.lao_rad) <= std::numbers::pi &&
          std::abs(controls.cra_rad) <= std::numbers::pi;

@@ -34,7 +34,9 @@ inline constexpr double kPoseLimit = 1e5;
 bool IsValid(const InstrumentPose& pose);
 /// True if all settings of the X-ray system are within their ranges.
 bool IsValid(const effects::Imaging& imaging);
-/// True if the C-arm's angles are finite and within half a turn. Does not check `imaging`.
+/// True if the table's position is within its ranges.
+bool IsValid(const effects::Table& table);
+/// True if the C-arm's angles are finite and within half a turn. Does not check the rest.
 bool IsValid(const effects::Controls& controls);
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.

@@ -307,6 +307,19 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
   return controls;
 }
 
+std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() != kControlsBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kTable) ||
+      bytes[1] != kFrameVersion) {
+    return {};
+  }
+  const TableMotion motion{ReadAt<float>(bytes, 4), ReadAt<float>(bytes, 8),
+                           ReadAt<float>(bytes, 12)};
+  for (const double rate_mm_s : {motion.left_mm_s, motion.head_mm_s, motion.height_mm_s}) {
+    if (!(std::abs(rate_mm_s) <= TableMotion::kMostMmS)) return {};
+  }
+  return motion;
+}
+
 std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes) {
   if (bytes.size() != kControlsBytes ||
       bytes[0] != static_cast<std::uint8_t>(FrameKind::kImaging) || bytes[1] != kFrameVersion) {

@@ -29,7 +29,8 @@ enum class FrameKind : std::uint8_t {
   kControls = 16,
   kReplayControls = 17,
   kImaging = 18,
-  kCase = 19
+  kCase = 19,
+  kTable = 20
 };
 
 /// Second byte of a binary message. A change of a layout needs a new version.
@@ -79,12 +80,25 @@ struct Controls {
   static constexpr double kMostArmRadS = 2;
 };
 
+/// Motion of the table that the page's keys request now. Axes as in effects::Table.
+struct TableMotion {
+  double left_mm_s = 0;
+  double head_mm_s = 0;
+  double height_mm_s = 0;
+
+  /// Largest rate that is taken.
+  static constexpr double kMostMmS = 100;
+};
+
 /// Sizes of the messages from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
 
 /// Reads controls. Nullopt if the bytes do not have that layout, or a rate is not finite or exceeds
 /// its limit.
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
+
+/// Reads a motion of the table, as ReadControls.
+std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes);
 
 /// X-ray settings that the page has chosen. Nullopt if the bytes do not have that layout or a value
 /// is beyond its limits.

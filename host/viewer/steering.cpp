@@ -34,12 +34,24 @@ void Steering::Add(const torquer_lcm::wire_state_t& state) {
   placed_ = true;
 }
 
+void Steering::Add(const torquer_lcm::readings_t& readings) {
+  if (table_moved_) return;
+  for (std::size_t k = 0; k < readings.names.size(); ++k) {
+    if (readings.names[k] == "table_left_mm") table_.left_mm = readings.values[k];
+    if (readings.names[k] == "table_head_mm") table_.head_mm = readings.values[k];
+    if (readings.names[k] == "table_height_mm") table_.height_mm = readings.values[k];
+  }
+}
+
 void Steering::Restart() {
   commands_.clear();
   reach_.clear();
   placed_ = false;
   controls_ = {};
+  table_motion_ = {};
   lao_rad_ = cra_rad_ = 0;
+  table_ = {};
+  table_moved_ = false;
   imaging_ = {};
   chosen_ = false;
 }
@@ -51,6 +63,13 @@ bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) 
   page_ = page;
   controls_ = controls;
   heard_us_ = now_us;
+  return true;
+}
+
+bool Steering::Take(PageId page, const TableMotion& motion, std::int64_t now_us) {
+  if (page_ != page) return false;
+  Advance(now_us);
+  table_motion_ = motion;
   return true;
 }
 
@@ -79,6 +98,33 @@ void Steering::Leave(PageId page) {
   if (page_ != page) return;
   page_.reset();
   controls_ = {};
+  table_motion_ = {};
+}
+
+const torquer_lcm::table_command_t* Steering::TableCommand(std::int64_t now_us, bool again) {
+  torquer_lcm::table_command_t& command = table_command_;
+  const effects::Table sent{command.left_mm, command.head_mm, command.height_mm};
+  if (!table_moved_ || commands_.empty() || (!again && sent == table_)) return nullptr;
+  command.instrument = commands_.front().instrument;
+  command.sequence = protocol::NextSequence(command.sequence);
+  command.clock_id = clock_id_;
+  command.publish_us = now_us;
+  command.left_mm = table_.left_mm;
+  command.head_mm = table_.head_mm;
+  command.height_mm = table_.height_mm;
+  return &command;
+}
+
+void Steering::MoveTable(double passed_s) {
+  using effects::Table;
+  const auto moved = [passed_s](double place_mm, double rate_mm_s, double most_mm) {
+    return std::clamp(place_mm + rate_mm_s * passed_s, -most_mm, most_mm);
+  };
+  const Table to{moved(table_.left_mm, table_motion_.left_mm_s, Table::kMostLeftMm),
+                 moved(table_.head_mm, table_motion_.head_mm_s, Table::kMostHeadMm),
+                 moved(table_.height_mm, table_motion_.height_mm_s, Table::kMostHeightMm)};
+  table_moved_ = table_moved_ || to != table_;
+  table_ = to;
 }
 
 void Steering::Advance(std::int64_t now_us) {
@@ -95,8 +141,12 @@ void Steering::Advance(std::int64_t now_us) {
     command.rotation_rad += controls_.turn_rad_s * passed_s;
     lao_rad_ = std::clamp(lao_rad_ + controls_.lao_rad_s * passed_s, -kLaoLimitRad, kLaoLimitRad);
     cra_rad_ = std::clamp(cra_rad_ + controls_.cra_rad_s * passed_s, -kCraLimitRad, kCraLimitRad);
+    MoveTable(passed_s);
   }
-  if (now_us - heard_us_ >= kSilentUs) controls_ = {};
+  if (now_us - heard_us_ >= kSilentUs) {
+    controls_ = {};
+    table_motion_ = {};
+  }
   if (now_us - heard_us_ >= kReleaseUs) page_.reset();
 }
 

@@ -6,7 +6,9 @@
 #include <optional>
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
+#include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/table_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
@@ -31,14 +33,18 @@ class Steering {
 
   /// Sets the instruments of the scene; another list starts again.
   void Add(const torquer_lcm::scene_description_t& scene);
+  /// Takes over the table's position from the readings before it is moved.
+  void Add(const torquer_lcm::readings_t& readings);
   /// Call if another simulator starts. The instruments take the positions of its first state, the
-  /// C-arm and the X-ray system their start values. The steering page stays the same.
+  /// C-arm, the table and the X-ray system their start values. The steering page stays the same.
   void Restart();
   /// Takes over the positions of a state before the first command.
   void Add(const torquer_lcm::wire_state_t& state);
 
   /// Returns false without effect while another page steers.
   bool Take(PageId page, const Controls& controls, std::int64_t now_us);
+  /// The same for a motion of the table by the page that steers. It lasts as long as the controls.
+  bool Take(PageId page, const TableMotion& motion, std::int64_t now_us);
   /// The same for settings of the X-ray system, which hold until another choice.
   bool Take(PageId page, const effects::Imaging& imaging);
   void Leave(PageId page);
@@ -50,6 +56,9 @@ class Steering {
 
   /// Null before the first choice.
   const torquer_lcm::imaging_command_t* ImagingCommand(std::int64_t now_us);
+
+  /// Null before the first motion, and unless `again` while the table is where the last one put it.
+  const torquer_lcm::table_command_t* TableCommand(std::int64_t now_us, bool again);
 
   std::optional<PageId> page() const { return page_; }
   double lao_rad() const { return lao_rad_; }
@@ -64,16 +73,22 @@ class Steering {
     double most_mm = 0;
   };
 
+  void MoveTable(double passed_s);
+
   std::int64_t clock_id_;
   std::vector<torquer_lcm::instrument_command_t> commands_;
   std::vector<Reach> reach_;
   bool placed_ = false;
   std::optional<PageId> page_;
   Controls controls_;
+  TableMotion table_motion_;
   std::int64_t heard_us_ = 0;
   std::int64_t advanced_us_ = 0;
   double lao_rad_ = 0;
   double cra_rad_ = 0;
+  effects::Table table_;
+  bool table_moved_ = false;  // since the start
+  torquer_lcm::table_command_t table_command_{};
   effects::Imaging imaging_;
   bool chosen_ = false;
   torquer_lcm::imaging_command_t imaging_command_{};

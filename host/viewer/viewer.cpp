@@ -104,6 +104,7 @@ class Viewer {
         });
     bus_.Subscribe<torquer_lcm::readings_t>(protocol::kReadingsChannel,
                                             [this](const torquer_lcm::readings_t& readings) {
+                                              steering_.Add(readings);
                                               server_.ShowText("readings", ReadingsText(readings));
                                             });
     // A viewer that steers already knows its own commands.
@@ -138,6 +139,10 @@ class Viewer {
       if (station_ == nullptr) return false;
       // While a page steers, no other page may change the case.
       if (steering_.page().value_or(page) == page) Take(*control);
+      return true;
+    }
+    if (const auto motion = ReadTableMotion(message)) {
+      if (steer_) steering_.Take(page, *motion, bus::MonotonicUs());
       return true;
     }
     const std::optional<Controls> controls = ReadControls(message);
@@ -213,6 +218,7 @@ class Viewer {
       for (const auto& command : steering_.Commands(now_us)) {
         bus_.Publish(protocol::kInstrumentCommandChannel, command);
       }
+      PublishTable(now_us, false);
     }
     skip_ = !skip_;
     if (state_is_new_ && !skip_) {
@@ -231,6 +237,11 @@ class Viewer {
     if (command != nullptr) bus_.Publish(protocol::kImagingCommandChannel, *command);
   }
 
+  void PublishTable(std::int64_t now_us, bool again) {
+    const torquer_lcm::table_command_t* const command = steering_.TableCommand(now_us, again);
+    if (command != nullptr) bus_.Publish(protocol::kTableCommandChannel, *command);
+  }
+
   // State of the devices that command instruments now, by the flags of their commands.
   nlohmann::json Hands(std::int64_t now_us) const {
     nlohmann::json hands = nlohmann::json::array();
@@ -240,6 +251,8 @@ class Viewer {
       hands.push_back({{"instrument", Printable(instrument, 60)},
                        {"uncalibrated", has(protocol::kCommandUncalibrated)},
                        {"clutch", has(protocol::kCommandClutch)},
+                       {"table", has(protocol::kCommandStickTable)},
+                       {"height", has(protocol::kCommandStickHeight)},
                        {"lift", has(protocol::kCommandLift)},
                        {"fault", has(protocol::kCommandSensorFault)}});
     }
@@ -249,6 +262,7 @@ class Viewer {
   // Sends the viewer's own state to the page.
   void Summarize(std::int64_t now_us) {
     PublishImaging(now_us);
+    PublishTable(now_us, true);
     const effects::Imaging& imaging = steering_.imaging();
     const double passed_s = 1e-6 * static_cast<double>(now_us - summary_us_);
     const auto page = steering_.page();

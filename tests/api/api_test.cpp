@@ -422,6 +422,8 @@ TEST_CASE("Unusable values are refused without effect", "[api]") {
   refuse([](Command& c) { c.imaging.pulses_per_s = 61; }, "pulses_per_s 61");
   refuse([&](Command& c) { c.imaging.magnification = nan; }, "magnification nan");
   refuse([](Command& c) { c.imaging.top = 0.5; }, "top 0.5");
+  refuse([](Command& c) { c.table.height_mm = 151; }, "height_mm 151; give -150 to 150");
+  refuse([&](Command& c) { c.table.left_mm = nan; }, "left_mm nan");
   refuse([](Command& c) { c.imaging.mode = static_cast<torquer::Imaging::Mode>(4); }, "mode 4");
   simulation.Step(simulation.command());
   CHECK_THROWS_WITH(simulation.Step(simulation.command()), Contains("give increasing times"));

@@ -39,6 +39,7 @@ class Session {
       command.xray = true;
       command.contrast = Uniform(0, 1) < 0.5;
       command.lao_deg = Uniform(0, 1) < 0.2 ? 10 : 0;
+      command.table.height_mm = Uniform(0, 1) < 0.2 ? 20 : 0;
       const bool is_rendered = Uniform(0, 1) < 0.3;
       const int ticks = Uniform(0, 1) < 0.3 ? 2 : 1000;
       int done = 0;

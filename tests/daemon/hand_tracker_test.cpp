@@ -173,6 +173,53 @@ TEST_CASE("The joystick turns the C-arm by device time, within its travel") {
   CHECK(hand.Step().pose.lao_rad == torquer::daemon::kLaoLimitRad);
 }
 
+TEST_CASE("Each press of the stick's button gives the joystick to the next: table, height, C-arm") {
+  Hand hand;
+  hand.Step();
+  const auto press = [&] {
+    hand.sample.buttons = torquer::protocol::kButtonStick;
+    hand.Step();
+    const HandState held = hand.Step();  // a held button is one press
+    hand.sample.buttons = 0;
+    hand.Step();
+    return held.flags;
+  };
+  const auto hold_for_1_s = [&](std::uint16_t x, std::uint16_t y) {
+    hand.sample.joystick_x = x;
+    hand.sample.joystick_y = y;
+    HandState state;
+    for (int i = 0; i < 1000; ++i) state = hand.Step();
+    hand.sample.joystick_x = hand.sample.joystick_y = 500;
+    hand.Step();
+    return state.pose;
+  };
+  CHECK(press() == kCommandStickTable);
+  // Full deflection is 0.4 rad/s of the C-arm: 64 mm/s to the left and towards the feet.
+  Pose pose = hold_for_1_s(1000, 0);
+  CHECK(pose.table.left_mm == Approx(64));
+  CHECK(pose.table.head_mm == Approx(-64));
+  CHECK(pose.table.height_mm == 0);
+  CHECK(pose.lao_rad == 0);
+  CHECK(pose.cra_rad == 0);
+
+  CHECK(press() == kCommandStickHeight);
+  pose = hold_for_1_s(1000, 1000);
+  CHECK(pose.table.left_mm == Approx(64));
+  CHECK(pose.table.head_mm == Approx(-64));
+  CHECK(pose.table.height_mm == Approx(32));
+  for (int i = 0; i < 5; ++i) pose = hold_for_1_s(500, 1000);
+  CHECK(pose.table.height_mm == 150);
+
+  CHECK(press() == 0);
+  pose = hold_for_1_s(1000, 500);
+  CHECK(pose.lao_rad == Approx(0.4));
+  CHECK(pose.table.left_mm == Approx(64));
+  // Without a device the table stays; a new start puts it back.
+  CHECK(hand.tracker.Hold().pose.table.height_mm == 150);
+  hand.tracker.Home();
+  CHECK(hand.Step().pose.table == torquer::daemon::TablePlace{});
+}
+
 TEST_CASE("Pedals are passed on, and are up without a device") {
   Hand hand;
   hand.sample.buttons = torquer::protocol::kButtonXray;

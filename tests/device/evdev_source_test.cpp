@@ -23,7 +23,7 @@ constexpr double kMmPerCount = 25.4 / 1000;
 EvdevScript Mouse() {
   EvdevScript script;
   script.name = "Mock mouse";
-  script.keys = {BTN_LEFT, BTN_RIGHT, BTN_MIDDLE};
+  script.keys = {BTN_LEFT, BTN_RIGHT, BTN_MIDDLE, BTN_SIDE};
   script.relative_axes = {REL_X, REL_Y};
   return script;
 }
@@ -32,7 +32,7 @@ EvdevScript Stick() {
   EvdevScript script;
   script.name = "Mock stick";
   script.product_id = 0xc215;
-  script.keys = {BTN_TRIGGER, BTN_THUMB, BTN_THUMB2};
+  script.keys = {BTN_TRIGGER, BTN_THUMB, BTN_THUMB2, BTN_TOP};
   input_absinfo range{};
   range.minimum = -32768;
   range.maximum = 32767;
@@ -127,6 +127,26 @@ TEST_CASE("Buttons of mouse and joystick are pedals and clutch") {
     CHECK(chain.UntilCommand(
         [&](const instrument_command_t& command) { return shows(command, down != 0); }));
   }
+}
+
+TEST_CASE("A fourth button of mouse or joystick takes the joystick from the C-arm") {
+  EvdevChain chain;
+  const auto daemon = chain.Start({chain.mouse, chain.stick});
+  chain.UntilReading(*daemon);
+  const auto [device, key] = GENERATE(table<int, unsigned>({
+      {kMouse, BTN_SIDE},
+      {kStick, BTN_TOP},
+  }));
+  chain.testbed.Send(device, {{EV_KEY, key, 1}}, MonotonicUs());
+  chain.testbed.Send(kStick, {{EV_ABS, ABS_X, 32767}}, MonotonicUs());
+  CHECK(chain.UntilCommand([](const instrument_command_t& command) {
+    return (command.flags & torquer::protocol::kCommandStickTable) != 0;
+  }));
+  CHECK(chain.listener.Until([&] {
+    const auto& commands = chain.listener.commands;
+    return commands.size() > 60 &&
+           commands.back().lao_rad == commands[commands.size() - 50].lao_rad;
+  }));
 }
 
 TEST_CASE("The joystick turns the C-arm while the mouse lies still") {

@@ -38,6 +38,15 @@ std::vector<Bytes> Seeds() {
     imaging.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     packet.insert(packet.end(), bytes.begin(), bytes.end());
     AppendPacket(input, packet);
+    torquer_lcm::table_command_t table{};
+    table.instrument = "guidewire";
+    table.sequence = k;
+    table.height_mm = 60.0 * k;
+    packet.resize(2);
+    bytes.resize(static_cast<std::size_t>(table.getEncodedSize()));
+    table.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    packet.insert(packet.end(), bytes.begin(), bytes.end());
+    AppendPacket(input, packet);
   }
   return {input};
 }
@@ -58,10 +67,15 @@ bool Accepts(std::span<const std::uint8_t> input) {
     if (bus::DecodeMessage(bytes.data(), bytes.size(), imaging)) {
       commands.Take(imaging, sender, now_us);
     }
+    torquer_lcm::table_command_t table;
+    if (bus::DecodeMessage(bytes.data(), bytes.size(), table)) {
+      commands.Take(table, sender, now_us);
+    }
     commands.Age(now_us);
     const simulator::Command& wanted = commands.command();
     if (!simulator::IsValid(wanted.target[0]) || !simulator::IsValid(wanted.controls) ||
-        !simulator::IsValid(wanted.controls.imaging)) {
+        !simulator::IsValid(wanted.controls.imaging) ||
+        !simulator::IsValid(wanted.controls.table)) {
       throw std::logic_error("what cannot be wanted is");
     }
     commands.State();

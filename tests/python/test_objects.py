@@ -120,9 +120,9 @@ def test_a_surface_is_that_of_the_vessel(tmp_path):
 def test_points_are_where_the_picture_shows_them():
     scene = torquer.Scene("everything").with_values({"effects.fluoroscopy.photons": 1e6, "effects.heartbeat": False})
     simulation = torquer.Simulation(scene)
-    for time_s, lao_deg, magnification in ((0.1, 0, 1), (0.2, 30, 2)):
+    for time_s, lao_deg, magnification, table_mm in ((0.1, 0, 1, (0, 0, 0)), (0.2, 30, 2, (0, 0, 0)), (0.3, 0, 1, (12, -8, 40))):
         imaging = torquer.Imaging("plain", magnification=magnification)
-        simulation.step(time_s, simulation.hands, lao_deg=lao_deg, xray=True, imaging=imaging)
+        simulation.step(time_s, simulation.hands, lao_deg=lao_deg, xray=True, imaging=imaging, table_mm=table_mm)
         for plane in range(2):
             picture = simulation.picture(plane).astype(float)
             places = simulation.places_in_picture(simulation.instrument_nodes_mm(0), plane)
@@ -133,6 +133,9 @@ def test_points_are_where_the_picture_shows_them():
             there = [picture[row, column] for row, column in seen]
             around = [picture[row - 8 : row + 9, column - 8 : column + 9].mean() for row, column in seen]
             assert np.mean(np.less(there, around)) > 0.8
+    for bad in ((151, 0, 0), (0, float("nan"), 0), (0, 0, -151)):
+        with pytest.raises(torquer.Error, match="the table is at"):
+            simulation.step(1, simulation.hands, table_mm=bad)
     assert np.isnan(simulation.places_in_picture([[0, 0, 1e6], [0, 1e6, 0], [1e6, 0, 0], [0, 0, -1e6], [0, -1e6, 0], [-1e6, 0, 0]])).any()
     with pytest.raises(torquer.Error, match="plane 2 does not exist; give 0 to 1"):
         simulation.places_in_picture([[0, 0, 0]], 2)

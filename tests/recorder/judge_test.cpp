@@ -24,6 +24,7 @@
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
+#include "torquer_lcm/table_command_t.hpp"
 
 using torquer::FindReading;
 using torquer::SessionJudgment;
@@ -49,6 +50,7 @@ struct Machine {
   std::int64_t refused_senders = 0;
   std::int64_t first_tick_sequence = -1;  // newest command that the first state shows
   bool restarts = false;                  // the simulator counts its ticks from 0 again
+  double table_left_mm = 0;               // 0: no command for the table, as in logs before it
 };
 
 class JudgedLog {
@@ -125,6 +127,14 @@ double RecordJudged(const SceneFile& file, const Machine& machine, const std::st
     live.target[0] = {start.insertion_mm + command.insertion_mm, command.rotation_rad};
     live.controls.xray = command.xray;
     live.time_s = 1e-6 * static_cast<double>(command.publish_us - kSimulatorBeganUs + 500);
+    if (machine.table_left_mm != 0 && i == 10) {
+      torquer_lcm::table_command_t table{};
+      table.instrument = command.instrument;
+      table.clock_id = kJudgedClock;
+      table.publish_us = command.publish_us - 100;
+      table.left_mm = machine.table_left_mm;
+      log.Write(torquer::protocol::kTableCommandChannel, table);
+    }
     if (machine.spoil(command)) log.Write(torquer::protocol::kInstrumentCommandChannel, command);
     if (machine.busy && i % 3 != 2) continue;
     torquer::CountedBudget budget(machine.busy ? 1 : 5000);
@@ -202,6 +212,23 @@ TEST_CASE("A replay has the hands, the pedals and the length of the session") {
   CHECK(judgment.course.xray().total_s() == Approx(0.4).margin(0.01));
   CHECK(*FindReading(judgment.readings, "procedure_s") == Approx(1.5).margin(0.01));
   CHECK(FindReading(judgment.readings, "target_reached") == 1);
+}
+
+TEST_CASE("A replay has the table's position, and the dose there") {
+  // Beside the spine the beam goes through less.
+  const auto judged = [](double left_mm) {
+    const SceneFile file(std::string(kJudgedTask) + "[effects.fluoroscopy]\nwidth_px = 64\n");
+    Machine machine;
+    machine.table_left_mm = left_mm;
+    RecordJudged(file, machine, "");
+    const SessionJudgment judgment = JudgeFile(file);
+    CHECK(judgment.not_gradable.empty());
+    CHECK(FindReading(judgment.readings, "table_left_mm") == left_mm);
+    return *FindReading(judgment.readings, "air_kerma_mGy");
+  };
+  const double without = judged(0);
+  CHECK(without > 0);
+  CHECK(judged(60) < 0.9 * without);
 }
 
 TEST_CASE("Pedals of a silent sender are up in a replay, as live") {

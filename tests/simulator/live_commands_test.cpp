@@ -289,6 +289,52 @@ TEST_CASE("Settings of the X-ray system stay when their sender is silent", "[sim
   CHECK_THAT(commands.State(), Catch::Contains("no commands for guidewire"));
 }
 
+TEST_CASE("The sender of the innermost instrument moves the table, and its place stays",
+          "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  torquer_lcm::table_command_t moved{};
+  moved.instrument = "guidewire";
+  moved.sequence = 7;
+  moved.left_mm = -30;
+  moved.head_mm = 200;
+  moved.height_mm = 15;
+  const auto is_at = [&](double left_mm, double head_mm, double height_mm) {
+    const torquer::effects::Table& table = commands.command().controls.table;
+    return table.left_mm == left_mm && table.head_mm == head_mm && table.height_mm == height_mm;
+  };
+  commands.Take(moved, kHand, kStartUs);
+  CHECK(is_at(-30, 200, 15));
+  CHECK(commands.fresh());
+  commands.Settle();
+
+  // A repeated place is not fresh. Commands of instruments and silence leave the table there.
+  ++moved.sequence;
+  commands.Take(moved, kHand, kStartUs + 1000);
+  CHECK_FALSE(commands.fresh());
+  commands.Take(fixture.Command(1, 3), kHand, kStartUs + 2000);
+  CHECK(is_at(-30, 200, 15));
+
+  // Refused: another sender, a number before the last, a place out of reach, another instrument.
+  const auto refused = [&](const torquer::bus::Sender& sender, auto change) {
+    torquer_lcm::table_command_t bad = moved;
+    bad.sequence = ++moved.sequence;
+    bad.left_mm = 1;
+    change(bad);
+    commands.Take(bad, sender, kStartUs + 3000);
+    return is_at(-30, 200, 15);
+  };
+  CHECK(refused(kStranger, [](auto&) {}));
+  CHECK_THAT(commands.TakeNews(), Catch::Contains("table") && Catch::Contains("refused"));
+  CHECK(refused(kHand, [](auto& bad) { bad.sequence = 6; }));
+  CHECK(refused(kHand, [](auto& bad) { bad.height_mm = 151; }));
+  CHECK_THAT(commands.TakeNews(), Catch::Contains("height_mm 151"));
+  CHECK(refused(kHand, [](auto& bad) { bad.head_mm = std::nan(""); }));
+  CHECK(refused(kHand, [](auto& bad) { bad.instrument = "catheter"; }));
+  commands.Age(kStartUs + 10'000'000);
+  CHECK(is_at(-30, 200, 15));
+}
+
 TEST_CASE("The X-ray system has one sender, and impossible settings are refused and named",
           "[simulator]") {
   Fixture fixture;

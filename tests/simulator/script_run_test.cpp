@@ -162,8 +162,9 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
   };
   // The message lists the existing columns, or the nearest one.
   refuse("balloon.insertion_mm",
-         {"time_s, lao_deg, cra_deg, xray, contrast, guidewire.insertion_mm, "
-          "guidewire.rotation_rad, microcatheter.insertion_mm, microcatheter.rotation_rad"});
+         {"time_s, lao_deg, cra_deg, xray, contrast, table_left_mm, table_head_mm, "
+          "table_height_mm, guidewire.insertion_mm, guidewire.rotation_rad,"
+          " microcatheter.insertion_mm, microcatheter.rotation_rad"});
   refuse("guidwire.insertion_mm", {"did you mean guidewire.insertion_mm?"});
   refuse("microcatheter.rotation_deg", {"did you mean microcatheter.rotation_rad?"});
   refuse("insertion_mm", {"guidewire.insertion_mm"});
@@ -203,6 +204,8 @@ TEST_CASE("A bad script is refused and leaves no file", "[simulator]") {
   refuse("time,guidewire.insertion_mm\n", "s.csv:1: there is no column time_s");
   refuse("time_s,xray,xray\n", "s.csv:1: the column xray appears twice");
   refuse("time_s,xray\n0,0.5\n", "s.csv:2: xray is '0.5'; give 0 or 1");
+  refuse("time_s,table_height_mm\n0,0\n1,-151\n",
+         "s.csv:3: table_height_mm is '-151'; give -150 to 150");
   refuse("time_s,lao_deg\n0,0\n1,200\n", "s.csv:3: lao_deg is '200'; give -180 to 180");
   refuse(std::string(kHeader) + "0,0,0\n1,nan,0\n", "s.csv:3: guidewire.insertion_mm is 'nan'");
   refuse(std::string(kHeader) + "0,0,0\n1,1e6,0\n",

@@ -13,6 +13,7 @@
 #include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/table_command_t.hpp>
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
@@ -119,6 +120,9 @@ std::vector<SampleMessage> SampleMessages() {
   torquer_lcm::imaging_command_t imaging{};
   imaging.magnification = 1.5;
   imaging.shutters[2] = 0.2;
+  torquer_lcm::table_command_t table{};
+  table.instrument = "guidewire";
+  table.height_mm = 2.5;
   torquer_lcm::picture_t picture{};
   picture.encoding = "jpeg";
   picture.data = {1, 2, 3, 4, 5};
@@ -137,8 +141,9 @@ std::vector<SampleMessage> SampleMessages() {
   forces.contact_force_mN = {{0, 0, 0}, {1, 2, 3}};
   forces.line_load_mN_mm = forces.tension_mN = forces.bending_mN_mm = {1, 2};
   forces.twisting_mN_mm = {0, 1};
-  return {Sample(forces),  Sample(sample),  Sample(motion),   Sample(health),  Sample(command),
-          Sample(imaging), Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState())};
+  return {Sample(forces),  Sample(sample),      Sample(motion),  Sample(health),
+          Sample(command), Sample(imaging),     Sample(picture), Sample(readings),
+          Sample(Scene()), Sample(WireState()), Sample(table)};
 }
 
 }  // namespace torquer::test

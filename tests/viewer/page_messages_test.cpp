@@ -152,6 +152,25 @@ TEST_CASE("Controls are taken only as the page sends them") {
   CHECK_FALSE(ReadControls(bytes));
 }
 
+TEST_CASE("A motion of the table is taken only as the page sends it") {
+  auto bytes = Bytes(0, 60, -30, 0.5F, 0);
+  CHECK_FALSE(ReadTableMotion(bytes));
+  bytes[0] = 20;
+  const auto motion = ReadTableMotion(bytes);
+  REQUIRE(motion);
+  CHECK(motion->left_mm_s == 60);
+  CHECK(motion->head_mm_s == -30);
+  CHECK(motion->height_mm_s == 0.5);
+  CHECK_FALSE(ReadControls(bytes));
+  bytes.pop_back();
+  CHECK_FALSE(ReadTableMotion(bytes));
+  for (const float bad : {101.0F, -101.0F, std::numeric_limits<float>::quiet_NaN()}) {
+    bytes = Bytes(0, 0, 0, bad, 0);
+    bytes[0] = 20;
+    CHECK_FALSE(ReadTableMotion(bytes));
+  }
+}
+
 TEST_CASE("Controls of a replay are accepted only in the page's format") {
   const auto message = [](std::uint8_t play, float speed, double at_s, std::int32_t steps) {
     std::vector<std::uint8_t> bytes = {17, 1, play, 0};

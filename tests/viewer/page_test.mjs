@@ -202,12 +202,34 @@ test("the pad pushes, turns and is the pedal, while it is held", async () => {
   await page.mouse.up();
   await until("no X-ray", () => page.evaluate(() => !window.torquer.viewer().xray));
   assert.equal(await page.locator("#pad-next").isVisible(), false, "there is one instrument alone");
+  // The button gives the stick to the C-arm, then to the table.
+  const drag = async () => {
+    const at = await page.locator("#stick").boundingBox();
+    await page.mouse.move(at.x + at.width / 2, at.y + at.height / 2);
+    await page.mouse.down();
+    await page.mouse.move(at.x + at.width, at.y, { steps: 3 });
+    const now = await controls();
+    await page.mouse.up();
+    return now;
+  };
+  assert.equal(await page.locator("#pad-up").isVisible(), false);
+  await page.locator("#pad-mode").click();
+  const arm = await drag();
+  assert.ok(arm.laoRadS > 0 && arm.craRadS > 0 && arm.pushMmS === 0 && arm.tableLeftMmS === 0);
+  await page.locator("#pad-mode").click();
+  const table = await drag();
+  assert.ok(table.tableLeftMmS > 0 && table.tableHeadMmS > 0 && table.laoRadS === 0 && table.pushMmS === 0);
+  await page.locator("#pad-down").hover();
+  await page.mouse.down();
+  assert.ok((await controls()).tableUpMmS < 0);
+  await page.mouse.up();
+  await page.locator("#pad-mode").click();
   await page.keyboard.press("KeyP");
 });
 
 test("a gamepad steers like the keys", async () => {
   const gamepad = (axes, pressed) => page.evaluate(({ axes, pressed }) => {
-    const buttons = Array.from({ length: 17 }, (_, k) => ({ pressed: pressed.includes(k), value: 0 }));
+    const buttons = Array.from({ length: 17 }, (_, k) => ({ pressed: pressed.includes(k), value: pressed.includes(k) ? 1 : 0 }));
     navigator.getGamepads = () => [null, { mapping: "standard", axes, buttons }];
   }, { axes, pressed });
   const start = await state();
@@ -225,6 +247,11 @@ test("a gamepad steers like the keys", async () => {
   await until("the C-arm to RAO", async () => (await controls()).laoRadS < 0 && (await controls()).craRadS === 0);
   await gamepad([0, 0, 0, -1], []);
   await until("the C-arm to CRA", async () => (await controls()).laoRadS === 0 && (await controls()).craRadS > 0);
+  await gamepad([0, 0, 0, 0], [7, 12, 15]);
+  await until("the table to head and left, and up", async () => {
+    const { tableLeftMmS, tableHeadMmS, tableUpMmS } = await controls();
+    return tableLeftMmS > 0 && tableHeadMmS > 0 && tableUpMmS > 0;
+  });
   await gamepad([0, 0, 0, 0], []);
   await until("nothing", async () => {
     const { xray, contrast, laoRadS, craRadS } = await controls();

@@ -168,6 +168,51 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   CHECK(steering.imaging().magnification == 3);
 }
 
+TEST_CASE("The steering page moves the table at its rate, and it stops with the page") {
+  Steering steering = Placed();
+  CHECK_FALSE(steering.Take(3, TableMotion{.left_mm_s = 40}, kStart));
+  torquer_lcm::readings_t readings{};
+  readings.names = {"air_kerma_mGy", "table_left_mm", "table_height_mm"};
+  readings.values = {7, 10, -4};
+  readings.count = 3;
+  steering.Add(readings);
+  CHECK(steering.TableCommand(kStart, true) == nullptr);
+
+  const auto beat = [&](const TableMotion& motion, int beats, std::int64_t from_us) {
+    for (int k = 0; k < beats; ++k) {
+      steering.Take(3, Push(0), from_us + 100'000 * k);
+      REQUIRE(steering.Take(3, motion, from_us + 100'000 * k));
+    }
+    steering.Advance(from_us + 100'000 * beats);
+  };
+  beat({.left_mm_s = 40, .head_mm_s = -20, .height_mm_s = 10}, 5, kStart);
+  const auto* command = steering.TableCommand(kStart + 500'000, false);
+  REQUIRE(command != nullptr);
+  CHECK(command->instrument == "guidewire");
+  CHECK(command->left_mm == Approx(10 + 20));
+  CHECK(command->head_mm == Approx(-10));
+  CHECK(command->height_mm == Approx(-4 + 5));
+  CHECK(command->clock_id == 77);
+  const std::int64_t first = command->sequence;
+  CHECK(steering.TableCommand(kStart + 500'000, false) == nullptr);
+  CHECK(steering.TableCommand(kStart + 500'000, true)->sequence == first + 1);
+
+  // Readings that still come from the time before do not move it back.
+  steering.Add(readings);
+  CHECK(steering.TableCommand(kStart + 500'000, true)->left_mm == Approx(30));
+  // The last message is valid for 300 ms, of which 100 ms have passed.
+  steering.Advance(kStart + 5'000'000);
+  CHECK(steering.TableCommand(kStart + 5'000'000, true)->left_mm == Approx(30 + 8));
+  // Its travel ends at 150, 500 and 150 mm.
+  beat({.left_mm_s = 100, .head_mm_s = 100, .height_mm_s = -100}, 80, kStart + 6'000'000);
+  command = steering.TableCommand(kStart + 14'000'000, true);
+  CHECK(command->left_mm == 150);
+  CHECK(command->head_mm == 500);
+  CHECK(command->height_mm == -150);
+  steering.Restart();
+  CHECK(steering.TableCommand(kStart + 14'000'000, true) == nullptr);
+}
+
 TEST_CASE("Another simulator is steered from where its instruments are, by who steered before") {
   Steering steering = Placed();
   torquer::effects::Imaging imaging;

@@ -192,6 +192,14 @@ struct Imaging {
 /// Throws Error for settings that a step refuses.
 TORQUER_API void CheckImaging(const Imaging& imaging);
 
+/// Displacement of the table, and of the patient on it, since the start. The C-arm stays. It has an
+/// effect only with [effects.fluoroscopy].
+struct Table {
+  double left_mm = 0;    ///< to the patient's left; -150 .. 150
+  double head_mm = 0;    ///< towards the patient's head; -500 .. 500
+  double height_mm = 0;  ///< to the patient's front, which is up; -150 .. 150
+};
+
 /// Command of the hands and feet for a time.
 struct Command {
   double time_s = 0;        ///< since the start; ascending, the first one >= 0
@@ -201,6 +209,7 @@ struct Command {
   bool xray = false;
   bool contrast = false;
   Imaging imaging = {};
+  Table table = {};
 };
 
 /// Report of a step, or of one tick.

@@ -271,7 +271,7 @@ def file_hashes(named: Sequence[str], known: Dict[pathlib.Path, str]) -> Tuple[s
 def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
     """Reads columns and rows of a script for torquer-simulator --script."""
     instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
-    known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES]
+    known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES, "table_left_mm", "table_head_mm", "table_height_mm"]
     text = read_text(path).replace("\r\n", "\n")
     if "\r" in text:
         raise Error(f"{path}:1: carriage returns alone end the lines; save the file with line feeds (in Excel: CSV UTF-8)")

@@ -143,6 +143,7 @@ class Simulation:
         xray: bool = ...,
         contrast: bool = ...,
         imaging: Imaging = ...,
+        table_mm: Tuple[float, float, float] = ...,
         after_tick: Optional[Callable[[StepReport], Optional[bool]]] = ...,
     ) -> StepReport: ...
     @property

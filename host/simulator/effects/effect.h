@@ -100,6 +100,16 @@ struct Imaging {
   bool operator==(const Imaging&) const = default;
 };
 
+/// Displacement of the table, and of the patient on it, since the start. The C-arm stays.
+struct Table {
+  static constexpr double kMostLeftMm = 150, kMostHeadMm = 500, kMostHeightMm = 150;
+
+  double left_mm = 0;    ///< to the patient's left, -kMostLeftMm to kMostLeftMm
+  double head_mm = 0;    ///< towards the patient's head, -kMostHeadMm to kMostHeadMm
+  double height_mm = 0;  ///< to the patient's front, which is up, -kMostHeightMm to kMostHeightMm
+  bool operator==(const Table&) const = default;
+};
+
 /// Operator's controls besides the motion of the instruments.
 struct Controls {
   double lao_rad = 0;  ///< C-arm, positive LAO
@@ -107,6 +117,7 @@ struct Controls {
   bool xray = false;   ///< pedal down
   bool contrast = false;
   Imaging imaging{};
+  Table table{};
 };
 
 /// View of a tick after its relaxation, for the roles that follow.

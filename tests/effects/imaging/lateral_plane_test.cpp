@@ -39,6 +39,7 @@ Taken TakenBy(Simulation& session, std::size_t plane, double lao_deg, const std:
     command.controls.lao_rad = kRadPerDeg * lao_deg;
     command.controls.xray = k > 10;
     command.controls.contrast = k > 40;
+    command.controls.table = {.left_mm = k > 60 ? 8.0 : 0, .head_mm = 3, .height_mm = 0.2 * k};
     torquer::CountedBudget budget(3000);
     session.Tick(command, budget);
     if (!session.picture_due(plane)) continue;

@@ -17,16 +17,17 @@ double PulseKermaMGy(const FluoroscopySettings& settings, const Controls& contro
   const double magnification = controls.imaging.magnification;
   double mA = settings.tube_mA * magnification * magnification;
   if (settings.scan != nullptr || settings.body.width_mm > 0) {
-    const Projection projection(settings.arm, controls.lao_rad, controls.cra_rad);
-    mA *= std::exp(settings.MiddleIntegralOf(projection) - settings.ReferenceIntegral());
+    mA *= std::exp(settings.MiddleIntegralOf(settings.ProjectionOf(controls)) -
+                   settings.ReferenceIntegral());
   }
   const double distance_m = 1e-3 * (settings.arm.sod_mm - kBeforeIsocenterMm);
   return settings.tube_mGy_mAs * mA * 1e-3 * settings.pulse_ms / (distance_m * distance_m);
 }
 
 // Open area of the beam at the reference point, between the shutters.
-double OpenAreaCm2(const FluoroscopySettings& settings, const Imaging& imaging) {
-  const CArm arm = settings.ArmOf(imaging);
+double OpenAreaCm2(const FluoroscopySettings& settings, const Controls& controls) {
+  const Imaging& imaging = controls.imaging;
+  const CArm arm = settings.ArmOf(controls);
   const double width_cm = 0.1 * arm.detector_mm * (arm.sod_mm - kBeforeIsocenterMm) / arm.sid_mm;
   const double height_cm = width_cm * arm.height / arm.width;
   return width_cm * (1 - imaging.left - imaging.right) * height_cm *
@@ -44,12 +45,8 @@ void DoseMeter::Observe(const FluoroscopySettings& settings, double time_s,
   }
   if (!was_exposed_) next_pulse_s_ = time_s;
   was_exposed_ = true;
-  const double magnification = controls.imaging.magnification;
-  if (pulse_mGy_ == 0 || controls.lao_rad != pulse_lao_rad_ || controls.cra_rad != pulse_cra_rad_ ||
-      magnification != pulse_magnification_) {
-    pulse_lao_rad_ = controls.lao_rad;
-    pulse_cra_rad_ = controls.cra_rad;
-    pulse_magnification_ = magnification;
+  if (const View view = ViewOf(controls); view != pulse_view_) {
+    pulse_view_ = view;
     pulse_mGy_ = PulseKermaMGy(settings, controls);
   }
   constexpr double kEarlyS = 5e-4;  // half a tick
@@ -57,7 +54,7 @@ void DoseMeter::Observe(const FluoroscopySettings& settings, double time_s,
     next_pulse_s_ += 1 / settings.PulsesPerS(controls.imaging);
     ++pulses_;
     air_kerma_mGy_ += pulse_mGy_;
-    kerma_area_Gy_cm2_ += 1e-3 * pulse_mGy_ * OpenAreaCm2(settings, controls.imaging);
+    kerma_area_Gy_cm2_ += 1e-3 * pulse_mGy_ * OpenAreaCm2(settings, controls);
   }
 }
 
@@ -65,7 +62,7 @@ std::vector<Reading> DoseMeter::Readings(const FluoroscopySettings& settings) co
   return {{"xray_pulses", static_cast<double>(pulses_)},
           {"air_kerma_mGy", air_kerma_mGy_},
           {"kerma_area_Gy_cm2", kerma_area_Gy_cm2_},
-          {"xray_field_mm", FieldMm(settings.ArmOf(last_.imaging))}};
+          {"xray_field_mm", FieldMm(settings.ArmOf(last_))}};
 }
 
 }  // namespace torquer::effects

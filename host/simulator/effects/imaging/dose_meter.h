@@ -25,8 +25,8 @@ class DoseMeter {
   double air_kerma_mGy_ = 0;      // at the interventional reference point
   double kerma_area_Gy_cm2_ = 0;  // there, between the shutters
   Controls last_;                 // of the last tick
-  double pulse_mGy_ = 0;          // of a pulse at the angles and the field below; 0: unknown
-  double pulse_lao_rad_ = 0, pulse_cra_rad_ = 0, pulse_magnification_ = 0;
+  double pulse_mGy_ = 0;          // of a pulse in the view below
+  View pulse_view_;
 };
 
 }  // namespace torquer::effects

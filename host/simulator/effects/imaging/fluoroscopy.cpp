@@ -15,6 +15,9 @@ Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& w
 void Fluoroscopy::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const Fluoroscopy&>(twin);
   dose_ = from.dose_;
+  table_ = from.table_;
+  mask_view_ = from.mask_view_;
+  mask_lost_s_ = from.mask_lost_s_;
   taker_.CopyFrom(from.taker_);
   renderer_.CopyFrom(from.renderer_);
   frames_.CopyFrom(from.frames_);
@@ -22,14 +25,33 @@ void Fluoroscopy::CopyFrom(const Effect& twin) {
 
 void Fluoroscopy::Restart() {
   dose_ = DoseMeter();
+  table_ = {};
+  mask_view_ = {};
+  mask_lost_s_ = -1;
   taker_.Restart();
 }
 
 void Fluoroscopy::Observe(const TickView& tick) {
   dose_.Observe(settings_, tick.time_s, tick.controls);
+  table_ = tick.controls.table;
+  const View view = ViewOf(tick.controls);
+  if (mask_view_.magnification > 0 && mask_view_ != view) {
+    mask_view_ = {};
+    mask_lost_s_ = tick.time_s;
+  }
+  const bool has_mask =
+      settings_.ModeOf(tick.controls.imaging) != FluoroscopySettings::Mode::kPlain;
+  if (tick.controls.xray && has_mask) mask_view_ = view;
 }
 
-std::vector<Reading> Fluoroscopy::Readings() const { return dose_.Readings(settings_); }
+std::vector<Reading> Fluoroscopy::Readings() const {
+  std::vector<Reading> readings = DoseReadings();
+  readings.push_back({"table_left_mm", table_.left_mm});
+  readings.push_back({"table_head_mm", table_.head_mm});
+  readings.push_back({"table_height_mm", table_.height_mm});
+  readings.push_back({"mask_lost_s", mask_lost_s_});
+  return readings;
+}
 
 bool Fluoroscopy::Take(const TickView& tick) {
   if (!taker_.Take(tick, frames_.Draft())) return false;

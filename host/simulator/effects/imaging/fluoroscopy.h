@@ -35,6 +35,8 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
+  /// The part of the readings that each plane of a biplane system has.
+  std::vector<Reading> DoseReadings() const { return dose_.Readings(settings_); }
   bool Take(const TickView& tick) override;
   bool Render(Picture& out) override;
 
@@ -46,6 +48,9 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   const FluoroscopySettings settings_;
   const DyePoints dye_points_;
   DoseMeter dose_;
+  Table table_;              // of the last tick
+  View mask_view_;           // of the mask; no view without a mask
+  double mask_lost_s_ = -1;  // time at which a mask was lost; -1: never
   FrameTaker taker_;
   Latest<XrayFrame> frames_;
   PictureRenderer renderer_;  // used by the render thread

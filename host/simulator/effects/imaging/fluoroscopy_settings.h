@@ -21,6 +21,15 @@ struct ScanSource {
   bool operator==(const ScanSource&) const = default;
 };
 
+/// Position and field of the C-arm relative to the patient.
+struct View {
+  double lao_rad = 0, cra_rad = 0;
+  double magnification = 0;  ///< 0: no view
+  Table table;
+  bool operator==(const View&) const = default;
+};
+View ViewOf(const Controls& controls);
+
 struct FluoroscopySettings {
   enum class Mode : std::uint8_t {
     kPlain,
@@ -45,10 +54,12 @@ struct FluoroscopySettings {
   double tube_mGy_mAs = 0.06;  ///< air kerma at 1 m
   std::uint64_t seed = 1;
 
-  /// Mode, pulse rate (1/s) and C-arm under the operator's choice.
+  /// Mode and pulse rate (1/s) under the operator's choice.
   Mode ModeOf(const Imaging& imaging) const;
   double PulsesPerS(const Imaging& imaging) const;
-  CArm ArmOf(const Imaging& imaging) const;
+  /// C-arm with the chosen field, and with its isocenter in the patient on the moved table.
+  CArm ArmOf(const Controls& controls) const;
+  Projection ProjectionOf(const Controls& controls) const;
   /// Line integral through the body along the middle ray, and through 200 mm of its tissue.
   double MiddleIntegralOf(const Projection& projection) const;
   double ReferenceIntegral() const;

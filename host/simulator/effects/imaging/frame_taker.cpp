@@ -56,7 +56,7 @@ void FrameTaker::Restart() {
   memory_.next_s = 0;
   memory_.was_down = false;
   memory_.number = 0;
-  memory_.magnification = 0;
+  memory_.view = {};
   std::fill(memory_.offsets.begin(), memory_.offsets.end(), Eigen::Vector3f::Zero());
 }
 
@@ -78,13 +78,9 @@ bool FrameTaker::IsDue(const TickView& tick) {
 }
 
 void FrameTaker::CountStill(const Controls& controls) {
-  const double magnification = controls.imaging.magnification;
-  const bool is_same = controls.lao_rad == memory_.lao_rad && controls.cra_rad == memory_.cra_rad &&
-                       magnification == memory_.magnification;
-  memory_.still = is_same ? memory_.still + 1 : 0;
-  memory_.lao_rad = controls.lao_rad;
-  memory_.cra_rad = controls.cra_rad;
-  memory_.magnification = magnification;
+  const View view = ViewOf(controls);
+  memory_.still = view == memory_.view ? memory_.still + 1 : 0;
+  memory_.view = view;
 }
 
 bool FrameTaker::Take(const TickView& tick, XrayFrame& frame) {

@@ -38,7 +38,7 @@ struct XrayFrame {
   std::int64_t session = 0;  ///< number of restarts before it
   std::int64_t number = 0;   ///< since the start
   std::int64_t pedal = 0;    ///< number of pedal presses before it
-  std::int64_t still = 0;    ///< number of pictures just before it from the same place of the C-arm
+  std::int64_t still = 0;    ///< number of pictures just before it with the same view
   double time_s = 0;
   Controls controls;
   Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();  ///< displacement of the organs
@@ -73,8 +73,8 @@ class FrameTaker {
     std::int64_t session = 0;
     std::int64_t number = 0;
     std::int64_t still = 0;
-    double lao_rad = 0, cra_rad = 0, magnification = 0;  // of the last picture
-    std::vector<Eigen::Vector3f> offsets;                // as in XrayFrame
+    View view;                             // of the last picture
+    std::vector<Eigen::Vector3f> offsets;  // as in XrayFrame
   };
 
   bool IsDue(const TickView& tick);

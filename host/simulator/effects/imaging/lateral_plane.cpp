@@ -47,7 +47,7 @@ bool LateralPlane::Take(const TickView& tick) {
 
 std::vector<Reading> LateralPlane::Readings() const {
   std::vector<Reading> readings;
-  for (Reading& reading : plane_->Readings()) {
+  for (Reading& reading : plane_->DoseReadings()) {
     readings.push_back({"lateral_" + reading.name, reading.value});
   }
   return readings;

@@ -42,29 +42,24 @@ void PictureRenderer::FindBody(const XrayFrame& frame) {
   // Data from an earlier session are invalid.
   if (frame.session != memory_.seen_session) memory_.has_body = memory_.has_mask = false;
   memory_.seen_session = frame.session;
-  const double magnification = controls.imaging.magnification;
-  bool same_view = memory_.has_body && controls.lao_rad == memory_.body_lao_rad &&
-                   controls.cra_rad == memory_.body_cra_rad &&
-                   magnification == memory_.body_magnification;
-  // The C-arm may have come back while pictures were dropped.
+  const View view = ViewOf(controls);
+  bool same_view = memory_.has_body && view == memory_.body_view;
+  // C-arm and table may have come back while pictures were dropped.
   if (settings_.scan != nullptr && frame.still < memory_.body_still) same_view = false;
   memory_.body_still = frame.still;
-  const CArm arm = settings_.ArmOf(controls.imaging);
-  const Projection projection(arm, controls.lao_rad, controls.cra_rad);
+  const Projection projection = settings_.ProjectionOf(controls);
   if (same_view && settings_.scan != nullptr) {
     RefineScan(projection, frame.still);
     return;
   }
   if (same_view && frame.organs_mm == memory_.body_organs_mm) return;
-  memory_.body_plane.Clear(arm.width, arm.height);
+  memory_.body_plane.Clear(settings_.arm.width, settings_.arm.height);
   const float mean = FillBody(projection, frame.organs_mm);
   if (same_view) return;
   memory_.exposure = mean;
   memory_.has_body = true;
-  memory_.body_lao_rad = controls.lao_rad;
-  memory_.body_cra_rad = controls.cra_rad;
-  memory_.body_magnification = magnification;
-  // A mask from another angle or field is invalid.
+  memory_.body_view = view;
+  // A mask from another view is invalid.
   memory_.has_mask = false;
   if (settings_.scan != nullptr) RefineScan(projection, frame.still);
 }
@@ -79,7 +74,7 @@ float PictureRenderer::FillBody(const Projection& projection, const Vector3d& or
   return FillWithBody(projection, body, memory_.body_plane);
 }
 
-// Refines the plane of a scan as far as pictures from this place of the C-arm allow. The scan is at
+// Refines the plane of a scan as far as pictures of this view allow. The scan is at
 // rest, so the mask has the same plane.
 void PictureRenderer::RefineScan(const Projection& projection, std::int64_t still) {
   const int parts = CtBody::FineParts(still, memory_.body_plane);
@@ -108,9 +103,9 @@ void PictureRenderer::PaintDye(const XrayFrame& frame, const Projection& project
 }
 
 void PictureRenderer::Render(const XrayFrame& frame, ImageSource::Picture& out) {
-  const CArm arm = settings_.ArmOf(frame.controls.imaging);
+  const CArm& arm = settings_.arm;
   FindBody(frame);
-  const Projection projection(arm, frame.controls.lao_rad, frame.controls.cra_rad);
+  const Projection projection = settings_.ProjectionOf(frame.controls);
   devices_.Clear(arm.width, arm.height);
   for (const std::vector<WirePoint>& shadow : frame.shadows) {
     AddWire(projection, shadow, devices_);

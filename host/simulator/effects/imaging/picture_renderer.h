@@ -37,7 +37,7 @@ class PictureRenderer {
     Plane mask, mask_body, densest_dye;
     std::vector<float> mask_noise;
     bool has_body = false;
-    double body_lao_rad = 0, body_cra_rad = 0, body_magnification = 0;
+    View body_view;
     Eigen::Vector3d body_organs_mm = Eigen::Vector3d::Zero();
     std::int64_t body_still = 0;  // as in XrayFrame
     int fine_parts = 0;           // of the plane of a scan

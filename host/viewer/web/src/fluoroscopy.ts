@@ -1,18 +1,24 @@
 // X-ray screen: the simulator's picture with window and level, and the figures of a screen in a catheter laboratory.
 
-import { element, Rows, seconds, setData, setText, short } from "./dom.js";
+import { element, Rows, seconds, setData, setText, short, signed } from "./dom.js";
 import type { Picture, Readings } from "./frames.js";
 import { Loops } from "./loops.js";
 import { PictureCanvas } from "./picture_canvas.js";
 
 const DEG = 180 / Math.PI;
 const MOST_ZOOM = 4;
+const MASK_LOST_SHOWN_S = 5; // of simulated time
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
 
 /** "LAO 30°": the patient's side or end that the detector leans to. */
 function angle(rad: number, positive: string, negative: string): string {
   const degrees = Math.round(rad * DEG);
   return `${degrees < 0 ? negative : positive} ${Math.abs(degrees)}°`;
+}
+
+/** "L 12": the patient's side or end that the table has moved to, and mm. */
+function towards(mm: number, positive: string, negative: string): string {
+  return `${mm < 0 ? negative : positive} ${Math.abs(mm).toFixed(0)}`;
 }
 
 /** Sides of the patient at the left, right, top and bottom edge of a picture, as a viewer of the detector sees it. */
@@ -128,6 +134,10 @@ export class Fluoroscopy {
       setText(element("#field"), fieldMm > 0 ? `field ${(fieldMm / 10).toFixed(0)} cm` : "");
       this.drawScale();
     }
+    this.setTable(values);
+    const lostS = values["mask_lost_s"] ?? -1;
+    const lost = lostS >= 0 && readings.time_s - lostS < MASK_LOST_SHOWN_S;
+    setText(element("#mask-lost"), lost ? "View moved: mask lost" : "");
     const row = (term: string, name: string, shown: (value: number) => string) => {
       const value = values[name];
       return value === undefined ? null : this.dose.set(term, value === null ? "not known" : shown(value));
@@ -141,7 +151,17 @@ export class Fluoroscopy {
     if (contrast !== null) setData(contrast, "on", String(injecting));
   }
 
+  private setTable(values: Readings["values"]): void {
+    const [place, height] = element("#table-place").children;
+    const [left, head, up] = [values["table_left_mm"], values["table_head_mm"], values["table_height_mm"]];
+    const known = typeof left === "number" && typeof head === "number" && typeof up === "number";
+    setText(place!, known ? `table ${towards(left, "L", "R")} ${towards(head, "H", "F")}` : "");
+    setText(height!, known ? `height ${signed(up, 0)} mm` : "");
+  }
+
   clear(): void {
+    this.setTable({});
+    setText(element("#mask-lost"), "");
     this.dose.clear();
     this.loops.clear();
     this.newest = null;

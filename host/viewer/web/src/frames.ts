@@ -137,6 +137,8 @@ export interface Hand {
   instrument: string;
   uncalibrated: boolean;
   clutch: boolean; // held: the hand moves, the instrument does not
+  table: boolean; // the joystick moves the table, not the C-arm
+  height: boolean; // the joystick moves the table up and down
   lift: boolean; // the sensor sees no surface: motion is held
   fault: boolean; // the sensor does not answer
 }
@@ -288,6 +290,9 @@ export interface Controls {
   turnRadS: number;
   laoRadS: number;
   craRadS: number;
+  tableLeftMmS: number; // motion of the table, and of the patient on it
+  tableHeadMmS: number;
+  tableUpMmS: number;
 }
 
 export function write(controls: Controls): ArrayBuffer {
@@ -300,6 +305,16 @@ export function write(controls: Controls): ArrayBuffer {
   view.setFloat32(8, controls.turnRadS, true);
   view.setFloat32(12, controls.laoRadS, true);
   view.setFloat32(16, controls.craRadS, true);
+  return view.buffer;
+}
+
+export function writeTable(controls: Controls): ArrayBuffer {
+  const view = new DataView(new ArrayBuffer(20));
+  view.setUint8(0, 20);
+  view.setUint8(1, VERSION);
+  view.setFloat32(4, controls.tableLeftMmS, true);
+  view.setFloat32(8, controls.tableHeadMmS, true);
+  view.setFloat32(12, controls.tableUpMmS, true);
   return view.buffer;
 }
 

@@ -6,6 +6,7 @@ const FINE = 0.15;
 
 const HELD = new Set([
   "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Space", "KeyC", "KeyW", "KeyA", "KeyS", "KeyD",
+  "KeyY", "KeyG", "KeyH", "KeyJ", "PageUp", "PageDown",
 ]);
 
 export class Keyboard implements Source {
@@ -33,6 +34,9 @@ export class Keyboard implements Source {
       turn: speed * (held("ArrowRight") - held("ArrowLeft")),
       lao: held("KeyD") - held("KeyA"),
       cra: held("KeyW") - held("KeyS"),
+      tableLeft: held("KeyJ") - held("KeyG"),
+      tableHead: held("KeyY") - held("KeyH"),
+      tableUp: held("PageUp") - held("PageDown"),
     };
   }
 

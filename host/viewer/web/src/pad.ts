@@ -1,6 +1,7 @@
-// Pad on the page, for fingers and mouse: a stick that pushes and turns, and buttons to hold.
+// Pad on the page, for fingers and mouse: a stick, and buttons to hold. A button chooses if the stick moves the
+// instrument, the C-arm or the table.
 
-import { element, setData } from "./dom.js";
+import { element, setData, setText } from "./dom.js";
 import type { Held, Source, Steering } from "./steering.js";
 
 const DEAD = 0.15; // fraction of the stick's travel without motion
@@ -11,20 +12,35 @@ export function response(deflection: number): number {
   return Math.sign(deflection) * Math.min(beyond, 1) ** 2;
 }
 
+const MODES = {
+  instrument: { name: "instrument", stick: "up and down push and pull, left and right turn" },
+  arm: { name: "C-arm", stick: "up and down to CRA and CAU, left and right to RAO and LAO" },
+  table: { name: "table", stick: "up and down to head and feet, left and right to the patient's right and left" },
+};
+type Mode = keyof typeof MODES;
+
 export class Pad implements Source {
   private readonly stick = element<HTMLElement>("#stick");
   private readonly knob = element<HTMLElement>("#stick i");
   private readonly holders: Holder[];
   private readonly xray: Holder;
   private readonly contrast: Holder;
-  private push = 0;
-  private turn = 0;
+  private readonly up: Holder;
+  private readonly down: Holder;
+  private mode: Mode = "instrument";
+  private instruments = 1;
+  private hasXray = false;
+  private x = 0; // of the stick, to the right
+  private y = 0; // up
 
   constructor(private readonly steering: Steering) {
     steering.add(this);
     this.xray = new Holder(element("#pad-xray"), () => steering.tell());
     this.contrast = new Holder(element("#pad-contrast"), () => steering.tell());
-    this.holders = [this.xray, this.contrast];
+    this.up = new Holder(element("#pad-up"), () => steering.tell());
+    this.down = new Holder(element("#pad-down"), () => steering.tell());
+    this.holders = [this.xray, this.contrast, this.up, this.down];
+    element("#pad-mode").addEventListener("click", () => this.chooseMode());
     element("#pad-next").addEventListener("click", () => steering.next(1));
     this.stick.addEventListener("pointerdown", (event) => {
       this.stick.setPointerCapture(event.pointerId);
@@ -40,18 +56,43 @@ export class Pad implements Source {
   setEffects(xray: boolean, contrast: boolean, instruments: number): void {
     this.xray.button.hidden = !xray;
     this.contrast.button.hidden = !contrast;
-    element<HTMLElement>("#pad-next").hidden = instruments < 2;
+    this.hasXray = xray;
+    this.instruments = instruments;
+    if (!xray) this.mode = "instrument";
+    this.showMode();
   }
 
   held(): Held {
+    const stick = (mode: Mode, value: number) => (this.mode === mode ? value : 0);
     return {
-      xray: this.xray.held, contrast: this.contrast.held, push: this.push, turn: this.turn, lao: 0, cra: 0,
+      xray: this.xray.held, contrast: this.contrast.held,
+      push: stick("instrument", this.y), turn: stick("instrument", this.x),
+      lao: stick("arm", this.x), cra: stick("arm", this.y),
+      tableLeft: stick("table", this.x), tableHead: stick("table", this.y),
+      tableUp: (this.up.held ? 1 : 0) - (this.down.held ? 1 : 0),
     };
+  }
+
+  private chooseMode(): void {
+    const all = Object.keys(MODES) as Mode[];
+    this.mode = all[(all.indexOf(this.mode) + 1) % all.length]!;
+    this.showMode();
+  }
+
+  private showMode(): void {
+    const { name, stick } = MODES[this.mode];
+    setData(element<HTMLElement>("#pad"), "mode", this.mode);
+    const button = element<HTMLElement>("#pad-mode");
+    button.hidden = !this.hasXray;
+    setText(button, `Stick: ${name}`);
+    this.stick.setAttribute("aria-label", `Drag: ${stick}`);
+    element<HTMLElement>("#pad-next").hidden = this.mode !== "instrument" || this.instruments < 2;
+    for (const { button: one } of [this.up, this.down]) one.hidden = this.mode !== "table";
   }
 
   release(): void {
     for (const holder of this.holders) holder.held = false;
-    this.push = this.turn = 0;
+    this.x = this.y = 0;
     this.knob.style.transform = "";
   }
 
@@ -63,8 +104,8 @@ export class Pad implements Source {
   }
 
   private moveTo(x: number, y: number): void {
-    this.turn = response(x);
-    this.push = response(-y);
+    this.x = response(x);
+    this.y = response(-y);
     this.knob.style.transform = `translate(${35 * x}px, ${35 * y}px)`;
     this.steering.tell();
   }

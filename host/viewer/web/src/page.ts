@@ -5,7 +5,7 @@ import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
 import type { Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
-import { STATUS, write, writeImaging, writeReplay } from "./frames.js";
+import { STATUS, write, writeImaging, writeReplay, writeTable } from "./frames.js";
 import { GamepadSource } from "./gamepad.js";
 import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
@@ -25,7 +25,13 @@ class Page {
   private readonly space = new Space();
   private readonly panel = new Panel();
   private readonly prices = new Prices();
-  private readonly steering = new Steering((controls) => this.link.send(write(controls)), () => this.choose());
+  private readonly steering = new Steering(
+    (controls) => {
+      this.link.send(write(controls));
+      this.link.send(writeTable(controls));
+    },
+    () => this.choose(),
+  );
   private readonly keyboard = new Keyboard(this.steering);
   private readonly pad = new Pad(this.steering);
   private readonly gamepad = new GamepadSource(this.steering);
@@ -238,7 +244,17 @@ class Page {
       return ["warn", this.viewer?.steer === true ? "Wire held: no page steers" : "Wire held: no commands from the device", ""];
     }
     if (this.viewer?.steer !== true && !this.panel.hasDaemon()) return ["good", "No device", ""];
-    return ["good", this.viewer?.hands?.some(({ clutch }) => clutch) ? "Clutch held" : "Running", ""];
+    return ["good", this.handWord(), ""];
+  }
+
+  // The joystick of the innermost instrument's device, the first, is the one that counts.
+  private handWord(): string {
+    const hands = this.viewer?.hands ?? [];
+    if (hands.some(({ clutch }) => clutch)) return "Clutch held";
+    const name = this.scene?.instruments[0]?.name;
+    const first = hands.find(({ instrument }) => instrument === name);
+    if (first?.table === true) return "Running, stick moves the table";
+    return first?.height === true ? "Running, stick moves the table up and down" : "Running";
   }
 
   // First problem of the devices that move instruments; "" if there is none.

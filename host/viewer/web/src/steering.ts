@@ -1,4 +1,4 @@
-// Steering of the instruments: sums the rates of keys, pad and gamepad, and sends them. It sends at each change and ten
+// Steering of instruments, C-arm and table: sums the rates of keys, pad and gamepad, and sends them. It sends at each change and ten
 // times a second, because torquer-viewer ignores a silent page.
 
 import type { Controls } from "./frames.js";
@@ -6,6 +6,8 @@ import type { Controls } from "./frames.js";
 const PUSH_MM_S = 40;
 const TURN_RAD_S = Math.PI;
 const ARM_RAD_S = Math.PI / 6;
+const TABLE_MM_S = 60;
+const TABLE_UP_MM_S = 30;
 const BEAT_MS = 100;
 
 /** Current demand of one input source; rates are shares of the full speed, -1 to 1. */
@@ -16,6 +18,9 @@ export interface Held {
   turn: number;
   lao: number;
   cra: number;
+  tableLeft: number; // to the patient's left
+  tableHead: number;
+  tableUp: number;
 }
 
 export interface Source {
@@ -80,6 +85,9 @@ export class Steering {
       turnRadS: TURN_RAD_S * rate((held) => held.turn),
       laoRadS: ARM_RAD_S * rate((held) => held.lao),
       craRadS: ARM_RAD_S * rate((held) => held.cra),
+      tableLeftMmS: TABLE_MM_S * rate((held) => held.tableLeft),
+      tableHeadMmS: TABLE_MM_S * rate((held) => held.tableHead),
+      tableUpMmS: TABLE_UP_MM_S * rate((held) => held.tableUp),
     };
   }
 

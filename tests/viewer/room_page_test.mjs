@@ -1,0 +1,65 @@
+// The room in headless Chromium, with the real simulator behind it: the table.
+// usage: node tests/viewer/room_page_test.mjs ROOT PROGRAMS
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { BrowserSession, until } from "./browser_session.mjs";
+
+const [root, programs] = process.argv.slice(2);
+let session, page;
+
+const text = (selector) => page.locator(selector).textContent();
+// Holds a key until a condition is true.
+async function hold(key, what, condition) {
+  await page.keyboard.down(key);
+  try {
+    await until(what, condition);
+  } finally {
+    await page.keyboard.up(key);
+  }
+}
+
+before(async () => {
+  session = await BrowserSession.start(root, programs, "neuro_angio.toml");
+  page = await session.browser.newPage({ viewport: { width: 1024, height: 600 } });
+  await page.goto(session.url);
+  await until("it runs", async () => (await text("#state")).includes("Running"));
+});
+
+after(() => session?.stop());
+
+test("the table follows its keys, and the margin tells its position", async () => {
+  const table = () => page.evaluate(() => {
+    const values = window.torquer.readings().values;
+    return [values.table_left_mm, values.table_head_mm, values.table_height_mm];
+  });
+  await until("readings", () => page.evaluate(() => window.torquer.readings() !== null));
+  assert.deepEqual(await table(), [0, 0, 0]);
+  assert.equal(await text("#table-place"), "table L 0 H 0 height 0 mm");
+  await hold("KeyJ", "20 mm to the left", async () => (await table())[0] > 20);
+  await hold("KeyH", "15 mm to the feet", async () => (await table())[1] < -15);
+  await hold("PageUp", "10 mm up", async () => (await table())[2] > 10);
+  let last = null;
+  const [left, head, up] = await until("the table rests", async () => {
+    await page.waitForTimeout(300);
+    const now = await table();
+    const rests = JSON.stringify(now) === JSON.stringify(last);
+    last = now;
+    return rests && now;
+  });
+  assert.equal(await text("#table-place"), `table L ${left.toFixed(0)} F ${(-head).toFixed(0)} height +${up.toFixed(0)} mm`);
+  await hold("KeyG", "back from the left", async () => (await table())[0] < 1);
+  await hold("KeyY", "back from the feet", async () => (await table())[1] > -1);
+  await hold("PageDown", "down", async () => (await table())[2] < 1);
+});
+
+test("a table that moves takes the road map, and the margin tells it", async () => {
+  await until("no mask was lost lately", async () => (await text("#mask-lost")) === "");
+  for (let k = 0; k < 3; ++k) await page.keyboard.press("KeyM");
+  await until("the road map", async () => (await text("#system-M span")) === "road map");
+  const shown = await page.evaluate(() => window.torquer.pictures());
+  await hold("Space", "pictures", () => page.evaluate((from) => window.torquer.pictures() > from + 2, shown));
+  await page.keyboard.press("KeyJ", { delay: 200 });
+  await until("it tells", async () => (await text("#mask-lost")) === "View moved: mask lost");
+  await page.keyboard.press("KeyM");
+  await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
+});
