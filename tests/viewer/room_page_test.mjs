@@ -1,4 +1,4 @@
-// The room in headless Chromium, with the real simulator behind it: the table.
+// The room in headless Chromium, with the real simulator behind it: the table, and the reference picture.
 // usage: node tests/viewer/room_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -8,6 +8,7 @@ const [root, programs] = process.argv.slice(2);
 let session, page;
 
 const text = (selector) => page.locator(selector).textContent();
+const pixels = (selector) => page.evaluate((canvas) => document.querySelector(canvas).toDataURL(), selector);
 // Holds a key until a condition is true.
 async function hold(key, what, condition) {
   await page.keyboard.down(key);
@@ -62,4 +63,37 @@ test("a table that moves takes the road map, and the margin tells it", async () 
   await until("it tells", async () => (await text("#mask-lost")) === "View moved: mask lost");
   await page.keyboard.press("KeyM");
   await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
+});
+
+test("a stored picture stays beside the live one as the reference", async () => {
+  await until("the last picture is held", async () => (await text("#hold")).includes("Last image hold"));
+  assert.equal(await page.locator("#reference").isVisible(), false);
+  const held = await pixels("#xray-picture");
+  await page.locator("#store").click();
+  await until("the reference is the held picture", async () => (await pixels("#reference-picture")) === held);
+  assert.equal(await page.locator("#teaching").isVisible(), false, "the 3D view has its place");
+  assert.match(await text("#reference-text"), /(LAO|RAO) \d+°  (CRA|CAU) \d+°  at \d+:\d\d min/);
+  const said = await text("#reference-text");
+  await hold("KeyA", "another angle", async () => (await text("#lao")) !== said.split("  ")[0]);
+  await hold("Space", "a new live picture", async () => (await pixels("#xray-picture")) !== held);
+  assert.equal(await pixels("#reference-picture"), held);
+  assert.equal(await text("#reference-text"), said);
+  // It is a whole square, apart from the live picture, in every window and in an examination.
+  for (const [width, height] of [[1600, 900], [1024, 768], [420, 860], [860, 420]]) {
+    await page.setViewportSize({ width, height });
+    for (const key of ["KeyE", "KeyE"]) {
+      await page.keyboard.press(key);
+      await page.waitForTimeout(200);
+      const [live, stored] = await page.evaluate(() => ["#xray-picture", "#reference-picture"].map((selector) => {
+        const { left, right, top, bottom, width, height } = document.querySelector(selector).getBoundingClientRect();
+        return { left, right, top, bottom, width, height };
+      }));
+      assert.ok(stored.width > 120 && Math.abs(stored.width - stored.height) < 1, JSON.stringify(stored));
+      assert.ok(stored.left >= live.right || stored.right <= live.left || stored.top >= live.bottom || stored.bottom <= live.top,
+        `${width} x ${height}: ${JSON.stringify([live, stored])}`);
+    }
+  }
+  await page.setViewportSize({ width: 1024, height: 600 });
+  await page.locator("#reference-close").click();
+  assert.equal(await page.locator("#teaching").isVisible(), true);
 });

@@ -49,6 +49,8 @@ export class Fluoroscopy {
   private readonly unreadable = () => this.setHold("A picture was damaged and is not shown");
   private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable);
   private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable);
+  private readonly reference = new PictureCanvas(element("#reference-picture"), () => {}, this.unreadable);
+  private shown: Picture | null = null; // of the first plane
   private readonly dose = new Rows(element("#dose"));
   private newest: Picture | null = null; // from the simulator
   private fieldMm = 0;
@@ -164,7 +166,9 @@ export class Fluoroscopy {
     setText(element("#mask-lost"), "");
     this.dose.clear();
     this.loops.clear();
-    this.newest = null;
+    this.newest = this.shown = null;
+    this.showReference(false);
+    this.reference.clear();
     this.fieldMm = 0;
     this.drawScale();
     this.sayLoop();
@@ -174,7 +178,23 @@ export class Fluoroscopy {
     for (const side of document.querySelectorAll("#sides span, #lateral-sides span")) setText(side, "");
   }
 
+  /** Stores the shown picture as the reference, beside the live one. */
+  store(): void {
+    if (this.shown === null) return;
+    const { laoRad, craRad, timeS } = this.shown;
+    this.reference.show(this.shown);
+    showSides(element("#reference-sides"), laoRad, craRad);
+    setText(element("#reference-text"), `${angle(laoRad, "LAO", "RAO")}  ${angle(craRad, "CRA", "CAU")}  at ${seconds(timeS)}`);
+    this.showReference(true);
+  }
+
+  private showReference(shown: boolean): void {
+    element<HTMLElement>("#reference").hidden = !shown;
+    document.body.classList.toggle("refers", shown);
+  }
+
   private display(picture: Picture): void {
+    this.shown = picture;
     this.picture.show(picture);
     showSides(element("#sides"), picture.laoRad, picture.craRad);
   }
@@ -201,6 +221,8 @@ export class Fluoroscopy {
       { passive: false },
     );
     element("#loop").addEventListener("click", () => this.togglePlay());
+    element("#store").addEventListener("click", () => this.store());
+    element("#reference-close").addEventListener("click", () => this.showReference(false));
     element("#loop-before").addEventListener("click", () => this.chooseLoop(-1));
     element("#loop-after").addEventListener("click", () => this.chooseLoop(1));
   }
@@ -241,7 +263,7 @@ export class Fluoroscopy {
   private setWindow(level: number, width: number): void {
     this.level = Math.min(Math.max(level, 0), 255);
     this.width = Math.min(Math.max(width, 8), 1024);
-    for (const canvas of [this.picture, this.lateral]) canvas.setWindow(this.level, this.width);
+    for (const canvas of [this.picture, this.lateral, this.reference]) canvas.setWindow(this.level, this.width);
     this.sayWindow();
   }
 

@@ -330,6 +330,7 @@ class Page {
     if (event.code === "KeyI") this.space.lookFromInside(!this.space.insideLumen);
     if (event.code === "KeyX") this.space.section(!this.space.cuts);
     if (event.code === "KeyL") this.fluoroscopy.togglePlay();
+    if (event.code === "KeyO") this.fluoroscopy.store();
     if (event.code === "KeyE") this.examine();
     this.xraySystem.next(event.code);
     if (event.code === "KeyP" && this.steering.enabled) this.showPad(element<HTMLElement>("#pad").hidden);
