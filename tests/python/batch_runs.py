@@ -59,7 +59,7 @@ def lines(out):
 
 def wait_for(process, out, count):
     """Waits until this many cases are stored while the run continues."""
-    for _ in range(3000):
+    for _ in range(30000):
         if lines(out) >= count:
             break
         assert process.poll() is None, process.communicate()

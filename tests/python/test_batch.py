@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 
+import distributed
 import numpy as np
 import pytest
 import torquer
@@ -425,6 +426,24 @@ def test_command_line(study, tmp_path):
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=60)
     assert running.returncode == 130 and "run the command again" in error
+
+
+def test_a_late_close_hides_no_interrupt(study, tmp_path, monkeypatch):
+    close = distributed.Client.close
+
+    def close_late(self, *arguments, **options):
+        close(self, *arguments, **options)
+        raise distributed.TimeoutError("timed out after 5 s")
+
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(distributed.Client, "close", close_late)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        torquer.batch.run(str(study(cases(2))), str(out), on_case=interrupt)
+    monkeypatch.undo()
+    assert torquer.batch.run(str(study(cases(2))), str(out)).stored_before == 1
 
 
 def test_cases_that_are_not_valid_are_marked_and_left_out_of_plots(study, tmp_path):
