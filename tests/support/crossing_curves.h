@@ -35,6 +35,17 @@ inline std::vector<Vector3d> CoilPath(double radius_mm, double pitch_mm, double 
   return path;
 }
 
+// Turns all segments a little, at random, and builds the model there.
+inline void BuildNear(DenseCurves& curves, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> turn(-0.01, 0.01);
+  Eigen::VectorXd x(curves.unknowns());
+  for (double& component : x) component = turn(random);
+  for (int c = 0; c < curves.stack.curves(); ++c) curves.mechanics.points(c).UpdateRadii();
+  curves.state = curves.Stepped(x);
+  curves.Build();
+}
+
 // Instruments on one curve, wound up so that each turn presses on the next one.
 struct Coil : DenseCurves {
   struct Settings {
@@ -57,14 +68,8 @@ struct Coil : DenseCurves {
     InstrumentPoses poses(s.instruments);
     for (int k = 0; k < s.instruments; ++k) poses[k] = {length_mm - 3.7 * k, 0.3 * k};
     rods.Combine(poses);
-    mechanics.points().UpdateRadii();
     state = WireState::Along(model, CoilPath(3, 0.3, s.turns), poses);
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> turn(-0.01, 0.01);
-    Eigen::VectorXd x(unknowns());
-    for (double& component : x) component = turn(random);
-    state = Stepped(x);
-    Build();
+    BuildNear(*this, seed);
   }
 };
 
@@ -97,13 +102,7 @@ struct HeadOn : DenseCurves {
     rods.Combine(poses);
     state = WireState::Along(model, {}, poses);
     LayCurves(rods, state);
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> turn(-0.01, 0.01);
-    Eigen::VectorXd x(unknowns());
-    for (double& component : x) component = turn(random);
-    for (int c = 0; c < 2; ++c) mechanics.points(c).UpdateRadii();
-    state = Stepped(x);
-    Build();
+    BuildNear(*this, seed);
   }
 };
 
@@ -154,13 +153,7 @@ struct TurnedBack : DenseCurves {
     rods.Combine(poses);
     state = WireState::Along(model, way, poses);
     LayCurves(rods, state);
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> turn(-0.01, 0.01);
-    Eigen::VectorXd x(unknowns());
-    for (double& component : x) component = turn(random);
-    for (int c = 0; c < 2; ++c) mechanics.points(c).UpdateRadii();
-    state = Stepped(x);
-    Build();
+    BuildNear(*this, seed);
   }
   // Contacts of the wire with the outside of the catheter.
   const BetweenCurves& Outside() const {
