@@ -38,10 +38,12 @@ void Check(const Command& command, const Scene& scene) {
   }
   CheckImaging(command.imaging);
   if (const Table& table = command.table; !simulator::IsValid(ToEffects(table))) {
+    using Most = effects::Table;
     throw Error(fmt::format(
-        "the table is at left_mm {}, head_mm {}, height_mm {}; give -150 to 150, -500 to 500, "
-        "-150 to 150",
-        table.left_mm, table.head_mm, table.height_mm));
+        "the table is at left_mm {}, head_mm {}, height_mm {}; give -{} to {}, -{} to {}, -{} to "
+        "{}",
+        table.left_mm, table.head_mm, table.height_mm, Most::kMostLeftMm, Most::kMostLeftMm,
+        Most::kMostHeadMm, Most::kMostHeadMm, Most::kMostHeightMm, Most::kMostHeightMm));
   }
 }
 

@@ -259,9 +259,8 @@ void AddSimulation(py::module_& module) {
           py::arg("after_tick") = py::none(),
           "Advances the simulation to time_s, which must be later than the previous step. hands: "
           "positions at the end, shape (instruments, 2), insertion past the entry in mm and "
-          "rotation in rad. The hands move at constant speed. table_mm: displacement of the "
-          "patient's "
-          "table to the left, to the head, and up. after_tick is called with the report "
+          "rotation in rad. The hands move at constant speed. table_mm: displacement of the table "
+          "to the patient's left, to the head, and up. after_tick is called with the report "
           "of each tick. If it returns False or raises, the step ends there, and the next step "
           "continues from there.")
       .def_property_readonly("time_s", &Simulation::time_s)

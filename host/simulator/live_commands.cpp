@@ -102,6 +102,19 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   ++taken_;
 }
 
+// Takes over a command that was not refused.
+template <class Value>
+void LiveCommands::Set(Source& source, const bus::Sender& sender, std::int64_t now_us,
+                       const Value& wanted, Value& current) {
+  source.owner = sender;
+  source.heard_us = now_us;
+  ++taken_;
+  if (wanted == current) return;
+  current = wanted;
+  fresh_ = true;
+  sent_us_ = 0;
+}
+
 void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus::Sender& sender,
                         std::int64_t now_us) {
   if (!Accepts(imaging_, "X-ray system", message.sequence, sender, now_us)) return;
@@ -126,13 +139,7 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
             message.shutters[0], message.shutters[1], message.shutters[2], message.shutters[3]));
     return;
   }
-  imaging_.owner = sender;
-  imaging_.heard_us = now_us;
-  ++taken_;
-  if (chosen == command_.controls.imaging) return;
-  command_.controls.imaging = chosen;
-  fresh_ = true;
-  sent_us_ = 0;
+  Set(imaging_, sender, now_us, chosen, command_.controls.imaging);
 }
 
 void LiveCommands::Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,
@@ -148,13 +155,7 @@ void LiveCommands::Take(const torquer_lcm::table_command_t& message, const bus::
                        bus::Describe(sender), message.left_mm, message.head_mm, message.height_mm));
     return;
   }
-  table_.owner = sender;
-  table_.heard_us = now_us;
-  ++taken_;
-  if (wanted == command_.controls.table) return;
-  command_.controls.table = wanted;
-  fresh_ = true;
-  sent_us_ = 0;
+  Set(table_, sender, now_us, wanted, command_.controls.table);
 }
 
 // True if the sender may command and the sequence number is in order; else reports the refusal.

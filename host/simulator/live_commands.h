@@ -79,6 +79,9 @@ class LiveCommands {
   bool Owns(const Source& source, std::int64_t now_us) const;
   bool Accepts(Source& source, const std::string& what, std::int64_t sequence,
                const bus::Sender& sender, std::int64_t now_us);
+  template <class Value>
+  void Set(Source& source, const bus::Sender& sender, std::int64_t now_us, const Value& wanted,
+           Value& current);
   void Refuse(Source& source, Refusal kind, std::int64_t now_us, const std::string& what);
   void SayUnknown(const std::string& instrument, const bus::Sender& sender, std::int64_t now_us);
   void Say(const std::string& what);

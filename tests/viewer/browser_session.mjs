@@ -20,6 +20,16 @@ export async function until(what, condition) {
   throw new Error(`not within ${PATIENCE_MS} ms: ${what}`);
 }
 
+/** Holds a key of a page until `condition` is true, and returns its value. */
+export async function holdKey(page, key, what, condition) {
+  await page.keyboard.down(key);
+  try {
+    return await until(what, condition);
+  } finally {
+    await page.keyboard.up(key);
+  }
+}
+
 export function startBrowser(root) {
   if (!existsSync(BROWSER)) throw new Error("no Chromium; install it with: host/install_packages test");
   const { chromium } = createRequire(resolve(root, "host/viewer/web/package.json"))("playwright-core");

@@ -2,7 +2,7 @@
 // usage: node tests/viewer/page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { BrowserSession, checkMargins, until } from "./browser_session.mjs";
+import { BrowserSession, checkMargins, holdKey, until } from "./browser_session.mjs";
 
 const [root, programs] = process.argv.slice(2);
 let session, page;
@@ -15,15 +15,7 @@ const state = () => page.evaluate(() => {
   return now && { insertion: now.instruments[0].insertionMm, rotation: now.instruments[0].rotationRad, status: now.status };
 });
 const stateWord = (word, where = page) => until(`the page says ${word}`, async () => (await text("#state", where)).includes(word));
-// Holds a key until a condition is true.
-async function hold(key, what, condition) {
-  await page.keyboard.down(key);
-  try {
-    await until(what, condition);
-  } finally {
-    await page.keyboard.up(key);
-  }
-}
+const hold = (key, what, condition) => holdKey(page, key, what, condition);
 async function open() {
   const opened = await session.browser.newPage({ viewport: { width: 1024, height: 600 } });
   opened.on("pageerror", (error) => problems.push(error.message));

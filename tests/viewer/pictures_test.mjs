@@ -7,7 +7,7 @@ import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { blockMeans, difference } from "./block_means.mjs";
-import { BrowserSession, until } from "./browser_session.mjs";
+import { BrowserSession, holdKey, until } from "./browser_session.mjs";
 
 const [root, programs, option] = process.argv.slice(2);
 const make = option === "--make";
@@ -26,14 +26,7 @@ const jpeg = (bytes) => `data:image/jpeg;base64,${bytes.toString("base64")}`;
 const wholePage = async () => jpeg(await page.screenshot({
   type: "jpeg", quality: 85, mask: ["#figures", "#dose", "#loops", "#hint"].map((selector) => page.locator(selector)),
 }));
-async function hold(key, what, condition) {
-  await page.keyboard.down(key);
-  try {
-    return await until(what, condition);
-  } finally {
-    await page.keyboard.up(key);
-  }
-}
+const hold = (key, what, condition) => holdKey(page, key, what, condition);
 async function pulses(count) {
   const start = await pictures();
   await hold("Space", `${count} pictures`, async () => (await pictures()) >= start + count);

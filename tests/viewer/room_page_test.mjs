@@ -2,22 +2,14 @@
 // usage: node tests/viewer/room_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { BrowserSession, until } from "./browser_session.mjs";
+import { BrowserSession, holdKey, until } from "./browser_session.mjs";
 
 const [root, programs] = process.argv.slice(2);
 let session, page;
 
 const text = (selector) => page.locator(selector).textContent();
 const pixels = (selector) => page.evaluate((canvas) => document.querySelector(canvas).toDataURL(), selector);
-// Holds a key until a condition is true.
-async function hold(key, what, condition) {
-  await page.keyboard.down(key);
-  try {
-    await until(what, condition);
-  } finally {
-    await page.keyboard.up(key);
-  }
-}
+const hold = (key, what, condition) => holdKey(page, key, what, condition);
 
 before(async () => {
   session = await BrowserSession.start(root, programs, "neuro_angio.toml");

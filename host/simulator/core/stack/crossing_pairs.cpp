@@ -144,6 +144,7 @@ class InOrder {
 template <class Takes>
 void CurvePairs::AddFacing(int segment, const SegmentStretch& stretch, PairBuilder& add,
                            Takes takes) const {
+  if (stretch.begin >= stretch.end) return;
   LumenPairs& out = add.out;
   for (int k = 0; k < out.pieces_per_segment; ++k) {
     const int piece = segment * out.pieces_per_segment + k;
