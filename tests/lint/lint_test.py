@@ -164,35 +164,44 @@ class Recipes(unittest.TestCase):
 class Times(Tree):
     """Verdict of tests/times on results of CTest, and its table of times."""
 
-    SUITE = """
+    BUILDS = {
+        "release": """
 add_test("a: good" {measured} sh -c "echo fine")
-set_tests_properties("a: good" PROPERTIES LABELS a WORKING_DIRECTORY {root}/release/tests)
+set_tests_properties("a: good" PROPERTIES LABELS a)
 add_test("a: busy" {measured} python3 -c "for _ in range(3000000): pass")
-set_tests_properties("a: busy" PROPERTIES LABELS a WORKING_DIRECTORY {root}/release/tests)
+set_tests_properties("a: busy" PROPERTIES LABELS a)
+""",
+        "asan": """
 add_test("b: no guest" sh -c "echo x: SKIPPED: no guest here; exit 77")
-set_tests_properties("b: no guest" PROPERTIES LABELS b SKIP_RETURN_CODE 77 WORKING_DIRECTORY {root}/asan)
+set_tests_properties("b: no guest" PROPERTIES LABELS b SKIP_RETURN_CODE 77)
 add_test("b: partly" sh -c "echo '  skipped: no device'")
-set_tests_properties("b: partly" PROPERTIES LABELS b WORKING_DIRECTORY {root}/asan)
-"""
+set_tests_properties("b: partly" PROPERTIES LABELS b)
+""",
+        "tsan": "",
+    }
     LATE = 'add_test("{name}" sh -c "test -e {root}/{name} || { touch {root}/{name}; exit 1; }")\n'
 
-    def run_suite(self, more: str = "") -> tuple[int, str, dict]:
-        """Exit status, table and JSON."""
-        for name in ("release/tests/x", "asan/x"):
-            self.write(name, "")
-        text = (self.SUITE + more).replace("{root}", self.root)
-        self.write("suite/CTestTestfile.cmake", text.replace("{measured}", os.path.join(os.path.dirname(HERE), "measured")))
+    def run_build(self, build: str, text: str) -> None:
+        measured = os.path.join(os.path.dirname(HERE), "measured")
+        self.write(f"{build}/CTestTestfile.cmake", text.replace("{root}", self.root).replace("{measured}", measured))
         suite = os.path.join(self.root, "suite")
-        self.write("suite/phases", "install,1.5,0.2,0.1\nbuild release,20.0,30.0,5.0\ntest,7.0,6.0,0.5\n")
         environment = dict(os.environ, TORQUER_TEST_TIMES=os.path.join(suite, "processor"))
 
         def ctest(*words: str) -> subprocess.CompletedProcess:
-            return subprocess.run(["ctest", "--test-dir", suite, *words], env=environment, capture_output=True, text=True, check=False)
+            folder = os.path.join(self.root, build)
+            return subprocess.run(["ctest", "--test-dir", folder, *words], env=environment, capture_output=True, text=True, check=False)
 
-        self.write("suite/tests.json", ctest("--show-only=json-v1").stdout)
-        if ctest("--output-junit", os.path.join(suite, "first.xml")).returncode:
-            ctest("--rerun-failed", "--output-junit", os.path.join(suite, "again.xml"))
-        times = [os.path.join(os.path.dirname(HERE), "times"), suite]
+        self.write(f"suite/{build}.json", ctest("--show-only=json-v1").stdout)
+        if ctest("--output-junit", os.path.join(suite, f"{build}.xml")).returncode:
+            ctest("--rerun-failed", "--output-junit", os.path.join(suite, f"{build}-again.xml"))
+
+    def run_suite(self, more: str = "") -> tuple[int, str, dict]:
+        """Exit status, table and JSON. The release build has the tests of `more` too."""
+        self.write("suite/phases", "install,1.5,0.2,0.1\nbuild release,20.0,30.0,5.0\nbuild asan,7.5,9.0,0.5\n"
+                   "test release,7.0,6.0,0.5\ntest asan,2.0,1.0,0.5\nwhole,31,0,0\n")
+        for build, text in self.BUILDS.items():
+            self.run_build(build, text + more if build == "release" else text)
+        times = [os.path.join(os.path.dirname(HERE), "times"), os.path.join(self.root, "suite")]
         shown = subprocess.run(times, capture_output=True, text=True, check=False)
         found = subprocess.run([*times, "--json"], capture_output=True, text=True, check=False)
         self.assertEqual(found.returncode, shown.returncode)
@@ -205,7 +214,9 @@ set_tests_properties("b: partly" PROPERTIES LABELS b WORKING_DIRECTORY {root}/as
         self.assertIn("2 tests were skipped:\n  b: no guest: no guest here\n  b: partly: no device", said)
         rows = {(row["phase"], row["build"], row["label"]): row for row in found["times"]}
         self.assertEqual(rows["build", "release", ""]["processor_s"], 35)
-        self.assertEqual(rows["total", "", ""]["wall_s"], 28.5)
+        self.assertEqual(rows["total", "", ""]["wall_s"], 31)  # builds and tests overlap
+        self.assertAlmostEqual(rows["total", "", ""]["processor_s"], 52.8)
+        self.assertIn("Total Test time (real) = 9.00 sec", said)
         self.assertEqual(rows["label", "release", "a"]["tests"], 2)
         self.assertEqual(rows["label", "asan", "b"]["tests"], 2)
         self.assertGreater(rows["label", "release", "a"]["processor_s"], 0.03)
@@ -219,7 +230,7 @@ set_tests_properties("b: partly" PROPERTIES LABELS b WORKING_DIRECTORY {root}/as
         self.assertIn("FLAKY: late1", said)
         self.assertIn("100% tests passed, 0 tests failed out of 6", said)
         self.assertEqual([test["name"] for test in found["tests"] if test["flaky"]], ["late1", "late2"])
-        for name in ("late1", "late2", "suite/again.xml"):
+        for name in ("late1", "late2", "suite/release-again.xml"):
             os.remove(os.path.join(self.root, name))
         status, said, found = self.run_suite(two + self.LATE.replace("{name}", "late3"))
         self.assertEqual((status, found["passed"]), (8, False))
