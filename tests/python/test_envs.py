@@ -410,6 +410,8 @@ def test_the_benchmark_reports_speed_and_accuracy():
     assert [row["accuracy"] for row in result["rows"]] == ["accurate", "default", "training"]
     for row in result["rows"]:
         assert row["single"]["steps_s"] > 0 and row["vector"]["steps_core_s"] > 0
+        assert 0.1 < row["memory_MB"] < 10
+    assert result["rows"][2]["memory_MB"] < result["rows"][0]["memory_MB"]  # longer segments, so fewer
     accurate, default, training = (row["tip_error_p95_mm"] for row in result["rows"])
     assert accurate == 0 < default < training < 2
     done = subprocess.run(

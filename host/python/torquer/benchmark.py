@@ -5,7 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import pickle
 import platform
+import subprocess
+import sys
 import time
 from typing import Any, Dict, List, Optional, Tuple
 
@@ -62,6 +65,38 @@ def _vector(name: str, task: envs.Task, observation: str) -> Dict[str, float]:
     return {"steps_s": _COUNT * _STEPS / wall, "steps_core_s": _COUNT * _STEPS / core}
 
 
+def _growth_MB(count: int, task: envs.Task, name: str, observation: str) -> float:
+    """Growth of this process by `count` environments, after a few steps of each; for one environment."""
+
+    def resident_bytes() -> int:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    def stepped(environments: int) -> envs.VectorEnv:
+        env = envs.VectorEnv(scene_path(name), environments, observation=observation, task=task, copy=False)
+        env.reset(seed=0)
+        for _ in range(20):
+            env.step(np.ones(env.action_space.shape))
+        return env
+
+    first = stepped(1)  # has the vessel and its field of distances, which all environments share
+    before = resident_bytes()
+    others = stepped(count)
+    grown = resident_bytes() - before
+    del first, others
+    return grown / count / 1e6
+
+
+def _memory_MB(name: str, task: envs.Task, observation: str) -> Optional[float]:
+    """Memory of an environment; None where /proc does not tell it."""
+    if not os.path.exists("/proc/self/statm"):
+        return None
+    # Here, memory that an earlier task freed would be used again, and hide the growth.
+    code = "import pickle, sys; from torquer import benchmark; print(benchmark._growth_MB(*pickle.load(sys.stdin.buffer)))"
+    given = pickle.dumps((_COUNT, task, name, observation))
+    return float(subprocess.run([sys.executable, "-c", code], input=given, stdout=subprocess.PIPE, check=True).stdout)
+
+
 def run(names: Optional[List[str]] = None) -> Dict[str, Any]:
     """Measures each task at 1 mm a step: at its own accuracy, for training, and with pictures."""
     rows = []
@@ -89,6 +124,7 @@ def run(names: Optional[List[str]] = None) -> Dict[str, Any]:
                     "observation": observation if observation == "vector" else "picture 128 x 128",
                     "single": single,
                     "vector": _vector(name, kind, observation),
+                    "memory_MB": _memory_MB(name, kind, observation),
                     "tip_error_p50_mm": float(np.quantile(error_mm, 0.5)),
                     "tip_error_p95_mm": float(np.quantile(error_mm, 0.95)),
                     "tip_error_max_mm": float(error_mm.max()),
@@ -114,13 +150,14 @@ def as_table(result: Dict[str, Any]) -> str:
     """Result as a table in Markdown."""
     lines = [
         "| task | accuracy | observation | steps/s a core | in threads, a core | "
-        f"in threads, by the clock ({result['cores']} cores) | tip error p50, p95, mm |",
-        "|---|---|---|---|---|---|---|",
+        f"in threads, by the clock ({result['cores']} cores) | MB an environment | tip error p50, p95, mm |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for row in result["rows"]:
         lines.append(
             f"| {row['task']} | {row['accuracy']} | {row['observation']} | {row['single']['steps_core_s']:.0f} | "
             f"{row['vector']['steps_core_s']:.0f} | {row['vector']['steps_s']:.0f} | "
+            f"{'unknown' if row['memory_MB'] is None else format(row['memory_MB'], '.2g')} | "
             f"{row['tip_error_p50_mm']:.2g}, {row['tip_error_p95_mm']:.2g} |"
         )
     return "\n".join(lines)
