@@ -49,7 +49,7 @@ export class BrowserSession {
       "bash",
       [join(root, "host/viewer/with_socket"), "0", "sh", join(root, "host/bus/private_network"), "bash",
         join(root, "tests/viewer/session"), programs, resolve(root, "host/scenes", scene), session.folder, ...more],
-      { detached: true, stdio: "inherit" },
+      { detached: true, stdio: ["pipe", "inherit", "inherit"] },
     );
     try {
       session.url = await until("the viewer prints its link", () => session.read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());
