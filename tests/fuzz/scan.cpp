@@ -5,8 +5,8 @@
 #include <string_view>
 
 #include "host/simulator/effects/imaging/ct_body.h"
-#include "tests/effects/imaging/ct_phantom.h"
 #include "tests/fuzz/target.h"
+#include "tests/support/ct_phantom.h"
 
 namespace torquer::fuzz::scan_target {
 namespace {

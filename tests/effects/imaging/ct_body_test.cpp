@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "host/simulator/effects/imaging/ct_carving.h"
-#include "tests/effects/imaging/ct_phantom.h"
+#include "tests/support/ct_phantom.h"
 
 using Eigen::Vector3d;
 using torquer::effects::CArm;

@@ -11,8 +11,8 @@
 #include "host/simulator/effects/imaging/lateral_plane.h"
 #include "host/simulator/simulation.h"
 #include "host/support/angles.h"
-#include "tests/effects/imaging/ct_phantom.h"
 #include "tests/effects/vascular_scene.h"
+#include "tests/support/ct_phantom.h"
 #include "tests/support/temporary_folder.h"
 
 using Catch::Matchers::Contains;

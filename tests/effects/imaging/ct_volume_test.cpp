@@ -8,7 +8,7 @@
 
 #include "host/simulator/effects/imaging/ct_attenuation.h"
 #include "host/support/error.h"
-#include "tests/effects/imaging/ct_phantom.h"
+#include "tests/support/ct_phantom.h"
 #include "tests/support/temporary_folder.h"
 
 using Catch::Matchers::Contains;
