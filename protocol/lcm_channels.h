@@ -14,6 +14,7 @@ inline constexpr char kTableCommandChannel[] = "TORQUER_TABLE_COMMAND";
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
 inline constexpr char kReadingsChannel[] = "TORQUER_READINGS";
+inline constexpr char kVitalSignsChannel[] = "TORQUER_VITAL_SIGNS";
 inline constexpr char kWireForcesChannel[] = "TORQUER_WIRE_FORCES";
 inline constexpr char kPictureChannel[] = "TORQUER_PICTURE";
 inline constexpr char kLateralPictureChannel[] = "TORQUER_PICTURE_LATERAL";
@@ -26,7 +27,7 @@ inline constexpr const char* kChannels[] = {
     kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel,      kSceneChannel,
     kReadingsChannel,     kWireForcesChannel,        kPictureChannel,        kHealthChannel,
     kHandMotionChannel,   kEmulatorTruthChannel,     kImagingCommandChannel, kLateralPictureChannel,
-    kTableCommandChannel};
+    kTableCommandChannel, kVitalSignsChannel};
 
 /// Version of the message types: any change of a type needs a new version (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 3;
@@ -59,6 +60,15 @@ enum ImagingMode : std::int32_t {
   kImagingPlain = 1,        ///< as the detector sees it
   kImagingSubtraction = 2,  ///< minus the first picture since the pedal went down
   kImagingRoadmap = 3,      ///< subtraction, with the densest dye so far as a bright map
+};
+
+/// Bits of vital_signs_t::alarms.
+enum PatientAlarm : std::int32_t {
+  kAlarmRateLow = 1 << 0,         ///< the heart rate is below its limit
+  kAlarmRateHigh = 1 << 1,        ///< above
+  kAlarmSystolicLow = 1 << 2,     ///< the systolic pressure is below its limit
+  kAlarmSystolicHigh = 1 << 3,    ///< above
+  kAlarmPressureDamped = 1 << 4,  ///< the tip closes the lumen: the pressure's course is damped
 };
 
 /// Bits of wire_state_t::status.

@@ -10,6 +10,7 @@
 #include "host/simulator/forces_message.h"
 #include "host/simulator/live_commands.h"
 #include "host/simulator/live_readings.h"
+#include "host/simulator/live_vital_signs.h"
 #include "host/simulator/picture_thread.h"
 #include "host/simulator/scene_message.h"
 #include "protocol/lcm_channels.h"
@@ -42,6 +43,7 @@ class LiveLoop {
         health_(bus, "simulator"),
         description_(Describe(simulation.scene())),
         readings_(simulation, bus),
+        vital_signs_(simulation, bus),
         ahead_(simulation.scene().vessel()),
         began_us_(bus::MonotonicUs()) {
     state_.clock_id = bus::ClockId();
@@ -88,6 +90,7 @@ class LiveLoop {
       }
       if (now_us - state_.publish_us >= kRepeatUs) RepeatState();
       readings_.PublishWhenDue(now_us);
+      vital_signs_.PublishWhenDue(now_us);
       if (health_.Due(now_us)) {
         health_.Repeat(Counters());
         bus_.Publish(protocol::kSceneChannel, description_);
@@ -170,6 +173,7 @@ class LiveLoop {
   bus::HealthReporter health_;
   const torquer_lcm::scene_description_t description_;
   LiveReadings readings_;
+  LiveVitalSigns vital_signs_;
   FieldAhead ahead_;
   std::vector<std::unique_ptr<PictureThread>> pictures_;
   const std::int64_t began_us_;

@@ -110,6 +110,7 @@ void Simulation::FindRoles() {
     if (effects::Observer* observer = effect.observer()) {
       observers_.push_back({observer, k});
       if (observer->AlongWire() != nullptr) along_wire_ = observer;
+      if (observer->Vitals() != nullptr) patient_ = observer;
     }
     if (effects::ImageSource* image = effect.image()) images_.push_back({image, k});
     if (effects::MotionLimit* limit = effect.limit()) limit_ = limit;

@@ -12,6 +12,7 @@
 
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/effect_prices.h"
+#include "host/simulator/effects/observers/vital_signs.h"
 #include "host/simulator/scene/scene.h"
 
 namespace torquer::simulator {
@@ -97,6 +98,10 @@ class Simulation {
   const std::array<HandForce, kMostInstruments>* hands() const {
     return along_wire_ == nullptr ? nullptr : along_wire_->AtHands();
   }
+  /// Curves of the patient monitor; null if the scene has none.
+  const effects::VitalSigns* vitals() const {
+    return patient_ == nullptr ? nullptr : patient_->Vitals();
+  }
   /// Number of planes with pictures of the scene; the first one is the C-arm's.
   std::size_t image_count() const { return images_.size(); }
   /// Picture source of a plane; null if there is none.
@@ -151,6 +156,7 @@ class Simulation {
   std::vector<EffectRole<effects::Evolution>> evolutions_;
   std::vector<EffectRole<effects::Observer>> observers_;
   const effects::Observer* along_wire_ = nullptr;
+  const effects::Observer* patient_ = nullptr;
   std::vector<EffectRole<effects::ImageSource>> images_;
   std::vector<bool> pictures_due_;
   effects::MotionLimit* limit_ = nullptr;

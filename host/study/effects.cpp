@@ -141,6 +141,7 @@ rate_per_min = 70
       {"contrast", "[effects.contrast]\nrate_mL_s = 2\n"},
       {"fluoroscopy", "[effects.fluoroscopy]\n"},
       {"lateral_plane", "[effects.lateral_plane]\n"},
+      {"patient_monitor", "[effects.patient_monitor]\nat = \"entry\"\n"},
   };
   return tables;
 }
@@ -156,6 +157,7 @@ std::string SceneWith(const Case& one) {
 // Adds the effects that the named ones depend on; dependencies come first.
 Names WithNeeds(const Names& names) {
   std::set<std::string> wanted(names.begin(), names.end());
+  if (wanted.count("patient_monitor") != 0) wanted.insert("flow");  // or a heartbeat
   for (bool grown = true; grown;) {
     grown = false;
     for (const effects::EffectKind& kind : effects::AllEffects()) {

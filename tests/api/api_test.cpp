@@ -192,7 +192,7 @@ TEST_CASE("A copy within a tick that the budget cut continues the tick", "[api]"
 }
 
 TEST_CASE("A copy keeps the blood that Windkessels store", "[api]") {
-  const Scene scene = ShippedWith("neuro_angio", "[effects.flow]\n", "compliance_mL_mmHg = 1\n");
+  const Scene scene = Scene::FromFile(kScenes + "/neuro_angio.toml");
   Simulation simulation(scene);
   Wanderer hands(6);
   Wander(simulation, hands, 4);

@@ -61,6 +61,8 @@ const std::vector<Named>& All() {
       {"contrast", "[effects.contrast]\nrate_mL_s = 2\n", "flow"},
       {"fluoroscopy", "[effects.fluoroscopy]\nwidth_px = 64\nheight_px = 64\n"},
       {"lateral_plane", "[effects.lateral_plane]\n", "fluoroscopy"},
+      {"patient_monitor", "[effects.patient_monitor]\nat = \"tip\"\ninstrument = \"guidewire\"\n",
+       "flow"},
   };
   return all;
 }

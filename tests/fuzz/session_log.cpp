@@ -41,6 +41,7 @@ std::string ChannelOf(const std::string& type) {
   if (type == "readings_t") return protocol::kReadingsChannel;
   if (type == "health_t") return protocol::kHealthChannel;
   if (type == "hand_motion_t") return protocol::kEmulatorTruthChannel;
+  if (type == "vital_signs_t") return protocol::kVitalSignsChannel;
   if (type == "picture_t") return protocol::kPictureChannel;
   return "OTHER";
 }

@@ -10,12 +10,14 @@
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/vital_signs_t.hpp>
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <vector>
 
 #include "host/bus/clock.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/live_readings.h"
+#include "host/simulator/live_vital_signs.h"
 #include "host/simulator/replay.h"
 #include "protocol/lcm_channels.h"
 #include "tests/simulator/state_log.h"
@@ -352,6 +354,52 @@ TEST_CASE("Live, every state of a scene with internal_forces has forces along th
   CHECK(forces.stride == 1);
   CHECK(forces.hand_force_mN[0] == 1e3 * (*simulation.hands())[0].axial_N);
   CHECK(forces.tension_mN[5] == static_cast<float>(1e3 * simulation.forces()->tension_N[5]));
+}
+
+TEST_CASE("Live, a patient monitor publishes its curves without a gap", "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const bool asked = GENERATE(true, false);
+  const std::string heart =
+      "[effects.heartbeat]\namplitude_mm = 1\ndirection = [0, 0, 1]\n"
+      "[[effects.heartbeat.region]]\ncenter_mm = [80, 0, 0]\nradius_mm = 40\n";
+  const SceneFile file(heart + (asked ? "[effects.patient_monitor]\n" : ""));
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::Simulation simulation(scene);
+  torquer::bus::Bus simulator_bus;
+  torquer::bus::Bus listener;
+  std::vector<torquer_lcm::vital_signs_t> heard;
+  listener.Subscribe<torquer_lcm::vital_signs_t>(
+      torquer::protocol::kVitalSignsChannel,
+      [&](const torquer_lcm::vital_signs_t& vitals) { heard.push_back(vitals); }, 0);
+  int states = 0;
+  listener.Subscribe<torquer_lcm::wire_state_t>(
+      torquer::protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t&) { ++states; }, 0);
+  std::atomic<bool> stop{false};
+  std::thread simulator([&] { torquer::simulator::RunLive(simulation, simulator_bus, stop); });
+  const bool enough = WaitFor(listener, [&] { return asked ? heard.size() >= 4 : states >= 100; });
+  stop = true;
+  simulator.join();
+  REQUIRE(enough);
+  REQUIRE(heard.empty() != asked);
+  if (!asked) return;
+  for (std::size_t k = 0; k < heard.size(); ++k) {
+    const torquer_lcm::vital_signs_t& vitals = heard[k];
+    CHECK(vitals.clock_id == torquer::bus::ClockId());
+    CHECK(vitals.heart_rate_per_min == Approx(70));
+    CHECK(std::isnan(vitals.mean_mmHg));
+    const std::int64_t next = vitals.first_sample + vitals.sample_count;
+    CHECK(static_cast<double>(next - 1) * vitals.sample_s <= vitals.time_s + 1e-5);
+    CHECK(static_cast<double>(next) * vitals.sample_s > vitals.time_s);
+    if (k == 0) continue;
+    CHECK(vitals.first_sample <= heard[k - 1].first_sample + heard[k - 1].sample_count);
+    CHECK(vitals.publish_us - heard[k - 1].publish_us >= torquer::simulator::kVitalSignsEveryUs);
+    // Each sample is that of the message before.
+    const std::int64_t shift = vitals.first_sample - heard[k - 1].first_sample;
+    for (std::int64_t n = 0; n + shift < heard[k - 1].sample_count; ++n) {
+      CHECK(vitals.ecg[static_cast<std::size_t>(n)] ==
+            heard[k - 1].ecg[static_cast<std::size_t>(n + shift)]);
+    }
+  }
 }
 
 TEST_CASE("A scene without observers publishes no readings", "[simulator]") {

@@ -14,6 +14,7 @@
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/table_command_t.hpp>
+#include <torquer_lcm/vital_signs_t.hpp>
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
@@ -141,9 +142,14 @@ std::vector<SampleMessage> SampleMessages() {
   forces.contact_force_mN = {{0, 0, 0}, {1, 2, 3}};
   forces.line_load_mN_mm = forces.tension_mN = forces.bending_mN_mm = {1, 2};
   forces.twisting_mN_mm = {0, 1};
+  torquer_lcm::vital_signs_t vitals{};
+  vitals.systolic_mmHg = 121.5;
+  vitals.sample_count = 2;
+  vitals.ecg = {0.25, 1};
+  vitals.pressure_mmHg = {80, 120.5};
   return {Sample(forces),  Sample(sample),      Sample(motion),  Sample(health),
           Sample(command), Sample(imaging),     Sample(picture), Sample(readings),
-          Sample(Scene()), Sample(WireState()), Sample(table)};
+          Sample(Scene()), Sample(WireState()), Sample(table),   Sample(vitals)};
 }
 
 }  // namespace torquer::test

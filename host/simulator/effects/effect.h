@@ -36,6 +36,7 @@
 namespace torquer::effects {
 
 class Effect;
+struct VitalSigns;
 
 /// Properties of an instrument for the effects, besides its mechanics.
 struct Instrument {
@@ -164,6 +165,8 @@ class Observer {
   virtual const InternalForces* AlongWire() const { return nullptr; }
   /// Hand forces of each instrument, the innermost first; null if AlongWire is null.
   virtual const std::array<HandForce, kMostInstruments>* AtHands() const { return nullptr; }
+  /// The patient's curves; null for an observer without them.
+  virtual const VitalSigns* Vitals() const { return nullptr; }
 };
 
 /// Role *limit*: bounds the motion of a tick. So an instrument stops at a place that the relaxation

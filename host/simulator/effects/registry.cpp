@@ -19,16 +19,18 @@
 #include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/effects/observers/internal_forces.h"
 #include "host/simulator/effects/observers/outlets.h"
+#include "host/simulator/effects/observers/patient_monitor.h"
 #include "host/simulator/effects/observers/wall_force.h"
 
 namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
-      TorsionKind(),    ClearanceKind(),   SelfContactKind(),     HeartbeatKind(),  BreathingKind(),
-      ComplianceKind(), FrictionKind(),    FrictionBetweenKind(), GravityKind(),    InertiaKind(),
-      PointLoadKind(),  WallForceKind(),   InternalForcesKind(),  AssessmentKind(), FlowKind(),
-      ContrastKind(),   FluoroscopyKind(), LateralPlaneKind(),    OutletsKind(),
+      TorsionKind(),        ClearanceKind(),    SelfContactKind(), HeartbeatKind(),
+      BreathingKind(),      ComplianceKind(),   FrictionKind(),    FrictionBetweenKind(),
+      GravityKind(),        InertiaKind(),      PointLoadKind(),   WallForceKind(),
+      InternalForcesKind(), AssessmentKind(),   FlowKind(),        ContrastKind(),
+      FluoroscopyKind(),    LateralPlaneKind(), OutletsKind(),     PatientMonitorKind(),
   };
   return kinds;
 }

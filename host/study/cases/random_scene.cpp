@@ -203,6 +203,9 @@ class Draw {
     Add("[effects.flow]\ninlet = \"main\"\ninlet_mL_s = {}\nrate_per_min = 72\nobstruction = {}\n\n"
         "[effects.contrast]\nrate_mL_s = 2\nat = \"tip\"\n\n",
         Evenly(0.5, 20), Chance(0.5));
+    // A heartbeat of these scenes has another rate than the flow.
+    if (text_.find("[effects.heartbeat]") != std::string::npos) return;
+    Add("[effects.patient_monitor]\nat = \"entry\"\n\n");
   }
 
   std::mt19937& random_;

@@ -86,6 +86,7 @@ void Flow::Restart() {
   memory_.time_s = 0;
   memory_.obstruction_age_s = kObstructionS;
   memory_.obstructed.assign(poiseuille_.size(), 0);
+  memory_.narrowings.clear();
   SolveMean();
   memory_.now = memory_.mean;
   memory_.snapshot_count = 0;
@@ -234,8 +235,10 @@ void Flow::AdvanceTo(double time_s) {
   while (memory_.time_s + kStepS <= time_s + kEarlyS) {
     Step();
     if (memory_.snapshots.size() == memory_.snapshot_count) memory_.snapshots.emplace_back();
-    memory_.snapshots[memory_.snapshot_count].time_s = memory_.time_s;
-    memory_.snapshots[memory_.snapshot_count++].edge_mL_s = memory_.now.edge_mL_s;
+    Snapshot& taken = memory_.snapshots[memory_.snapshot_count++];
+    taken.time_s = memory_.time_s;
+    taken.edge_mL_s = memory_.now.edge_mL_s;
+    taken.pressure_mmHg = memory_.now.pressure_mmHg;
   }
 }
 
@@ -251,9 +254,13 @@ void Flow::Advance(const TickView& tick) {
 }
 
 void Flow::Obstruct(const WireState& state, const QuadraticModel& quadratic) {
-  std::vector<double> more(memory_.obstructed.size(), 0);
+  memory_.narrowings.clear();
   for (int c = 0; c < state.curves(); ++c) {
-    AddObstruction(state.curve(c), quadratic.curve(c).points, more);
+    AddNarrowings(state.curve(c), quadratic.curve(c).points, memory_.narrowings);
+  }
+  std::vector<double> more(memory_.obstructed.size(), 0);
+  for (const Narrowing& one : memory_.narrowings) {
+    more[static_cast<std::size_t>(one.edge)] += one.mmHg_s_mL;
   }
   constexpr double kNoticed = 1e-3;
   bool same = true;
@@ -268,8 +275,8 @@ void Flow::Obstruct(const WireState& state, const QuadraticModel& quadratic) {
 }
 
 // Adds the resistance that a curve makes outside the lumens of others.
-void Flow::AddObstruction(const Curve& curve, const PointSet& points,
-                          std::vector<double>& more) const {
+void Flow::AddNarrowings(const Curve& curve, const PointSet& points,
+                         std::vector<Narrowing>& narrowings) const {
   const WireModel& wire = *obstruction_.wire;
   const vessel::CenterlineNetwork& network = graph_->network();
   const int n = curve.segments();
@@ -290,20 +297,27 @@ void Flow::AddObstruction(const Curve& curve, const PointSet& points,
         kMostFilled * tube_mm,
         points
             .radius_mm[static_cast<std::size_t>(i) * static_cast<std::size_t>(points.per_segment)]);
-    more[static_cast<std::size_t>(graph_->EdgeAt(place))] +=
-        mmHg_s_per_mL_mm3_ * length_mm *
-        (AnnulusInverseFourthPower(tube_mm, core_mm) - AnnulusInverseFourthPower(tube_mm, 0));
+    narrowings.push_back({.edge = graph_->EdgeAt(place),
+                          .s_mm = place.s_mm,
+                          .mmHg_s_mL = mmHg_s_per_mL_mm3_ * length_mm *
+                                       (AnnulusInverseFourthPower(tube_mm, core_mm) -
+                                        AnnulusInverseFourthPower(tube_mm, 0))});
   }
+}
+
+// The first snapshot at or after a time; null if the last step is the one.
+const Flow::Snapshot* Flow::SnapshotAt(double time_s) const {
+  const auto begin = memory_.snapshots.begin();
+  const auto end = begin + static_cast<std::ptrdiff_t>(memory_.snapshot_count);
+  const auto found = std::lower_bound(
+      begin, end, time_s, [](const Snapshot& one, double at_s) { return one.time_s < at_s; });
+  return found == end ? nullptr : &*found;
 }
 
 void Flow::EdgesAt(double time_s, std::vector<double>& edge_mL_s) const {
   if (stepped_) {
-    edge_mL_s = memory_.now.edge_mL_s;
-    for (std::size_t k = 0; k < memory_.snapshot_count; ++k) {
-      if (memory_.snapshots[k].time_s < time_s) continue;
-      edge_mL_s = memory_.snapshots[k].edge_mL_s;
-      break;
-    }
+    const Snapshot* const then = SnapshotAt(time_s);
+    edge_mL_s = then == nullptr ? memory_.now.edge_mL_s : then->edge_mL_s;
     return;
   }
   const double factor = pulse_.At(time_s);
@@ -313,6 +327,73 @@ void Flow::EdgesAt(double time_s, std::vector<double>& edge_mL_s) const {
     edge_mL_s[e] = memory_.exchange.edge_mL_s[e] + factor * memory_.driven.edge_mL_s[e] +
                    ejection * memory_.muscle.edge_mL_s[e];
   }
+}
+
+FlowPlace Flow::PlaceOn(const vessel::CenterlinePlace& place) const {
+  FlowPlace on{.edge = graph_->EdgeAt(place)};
+  const FlowEdge& edge = graph_->edges()[static_cast<std::size_t>(on.edge)];
+  on.s_mm = std::clamp(place.s_mm, edge.from_mm, edge.to_mm);
+  on.before_mmHg_s_mL =
+      mmHg_s_per_mL_mm3_ * graph_->InverseFourthPower(edge.curve, edge.from_mm, on.s_mm);
+  return on;
+}
+
+// Resistance from the edge's node a to a place: Poiseuille, devices and stenoses.
+double Flow::ResistanceBefore(const FlowPlace& place, double edge_mL_s) const {
+  double sum = place.before_mmHg_s_mL;
+  for (const Narrowing& one : memory_.narrowings) {
+    if (one.edge == place.edge && one.s_mm < place.s_mm) sum += one.mmHg_s_mL;
+  }
+  for (const StenosisLoss& loss : stenoses_) {
+    if (loss.edge != place.edge || loss.at_mm >= place.s_mm) continue;
+    sum += loss.loss_mmHg_s2_mL2 * std::abs(edge_mL_s);
+  }
+  return sum;
+}
+
+double Flow::PressureAt(const FlowPlace& place, double time_s) const {
+  const auto e = static_cast<std::size_t>(place.edge);
+  const auto a = static_cast<std::size_t>(graph_->edges()[e].a);
+  double node_mmHg = 0;
+  double edge_mL_s = 0;
+  if (stepped_) {
+    const Snapshot* const then = SnapshotAt(time_s);
+    node_mmHg = then == nullptr ? memory_.now.pressure_mmHg[a] : then->pressure_mmHg[a];
+    edge_mL_s = then == nullptr ? memory_.now.edge_mL_s[e] : then->edge_mL_s[e];
+  } else {
+    const auto at = [&](const std::vector<double>& exchange, const std::vector<double>& driven,
+                        const std::vector<double>& muscle, std::size_t i) {
+      return exchange[i] + pulse_.At(time_s) * driven[i] + pulse_.Ejection(time_s) * muscle[i];
+    };
+    node_mmHg = at(memory_.exchange.pressure_mmHg, memory_.driven.pressure_mmHg,
+                   memory_.muscle.pressure_mmHg, a);
+    edge_mL_s =
+        at(memory_.exchange.edge_mL_s, memory_.driven.edge_mL_s, memory_.muscle.edge_mL_s, e);
+  }
+  return node_mmHg - edge_mL_s * ResistanceBefore(place, edge_mL_s);
+}
+
+ClosedPressure Flow::PressureBehind(const FlowPlace& place) const {
+  constexpr double kClosed = 1e9;  // factor on the resistance of the closed edge
+  const auto e = static_cast<std::size_t>(place.edge);
+  const FlowEdge& edge = graph_->edges()[e];
+  const int behind = memory_.mean.edge_mL_s[e] < 0 ? edge.a : edge.b;
+  std::vector<double> resistances = steady_->resistance_mmHg_s_mL();
+  resistances[e] *= kClosed;
+  const FlowSolution closed(*graph_, std::move(resistances), memory_.ends);
+  std::vector<double> ends_mmHg;
+  std::vector<double> systolic_mmHg;
+  for (const FlowEnd& end : memory_.ends) {
+    ends_mmHg.push_back(end.pressure_mmHg);
+    systolic_mmHg.push_back(end.systolic_mmHg);
+  }
+  // A flow source before the closed place delivers nothing: its pressure would have no limit.
+  const bool is_open =
+      graph_->ReachedFrom(behind, place.edge)[static_cast<std::size_t>(inlet_.node)];
+  const auto at = static_cast<std::size_t>(behind);
+  return {
+      .mmHg = closed.Solve(Inflow(is_open ? memory_.inlet_mL_s : 0), ends_mmHg).pressure_mmHg[at],
+      .muscle_mmHg = closed.Solve(Inflow(0), systolic_mmHg).pressure_mmHg[at]};
 }
 
 }  // namespace torquer::effects

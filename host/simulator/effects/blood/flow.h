@@ -37,6 +37,20 @@ struct Pulse {
 struct StenosisLoss {
   int edge = 0;
   double loss_mmHg_s2_mL2 = 0;
+  double at_mm = 0;  ///< arc length of the throat on the edge's curve
+};
+
+/// A place on an edge of the graph, at which the pressure is wanted.
+struct FlowPlace {
+  int edge = 0;
+  double s_mm = 0;              ///< arc length on the edge's curve
+  double before_mmHg_s_mL = 0;  ///< Poiseuille's resistance from the edge's node a to the place
+};
+
+/// Pressure behind a device that closes the lumen: mmHg + ejection * muscle_mmHg.
+struct ClosedPressure {
+  double mmHg = 0;
+  double muscle_mmHg = 0;  ///< of the heart's muscle, at the peak of the ejection
 };
 
 /// Obstruction of the flow: the instruments, in the middle of the lumen.
@@ -73,7 +87,13 @@ class Flow final : public Effect, public Evolution {
   void AdvanceTo(double time_s);
   /// Sets the present position of the devices.
   void Obstruct(const WireState& state, const QuadraticModel& quadratic);
-  void AddObstruction(const Curve& curve, const PointSet& points, std::vector<double>& more) const;
+  /// Pressures need the place that PlaceOn found.
+  FlowPlace PlaceOn(const vessel::CenterlinePlace& place) const;
+  /// Pressure at a place and a time, mmHg. Valid for the times of EdgesAt.
+  double PressureAt(const FlowPlace& place, double time_s) const;
+  /// Pressure on the downstream side of a place if a device closes the lumen there. The side is
+  /// that of the mean flow. Other ways to it (collaterals) stay open, at their mean flow.
+  ClosedPressure PressureBehind(const FlowPlace& place) const;
 
   const FlowGraph& graph() const { return *graph_; }
   /// Steady network: its response to additional inflow.
@@ -94,12 +114,20 @@ class Flow final : public Effect, public Evolution {
   struct Snapshot {
     double time_s = 0;
     std::vector<double> edge_mL_s;
+    std::vector<double> pressure_mmHg;  // of each node
+  };
+  // Resistance that a stretch of a device adds to an edge.
+  struct Narrowing {
+    int edge = 0;
+    double s_mm = 0;
+    double mmHg_s_mL = 0;
   };
   // State of the flow, without the solutions, which belong to one graph.
   struct Memory {
-    std::vector<FlowEnd> ends;       // the outlets, then the inlet if it holds its pressure
-    double inlet_mL_s = 0;           // mean of a flow source
-    std::vector<double> obstructed;  // increase of poiseuille_ by devices
+    std::vector<FlowEnd> ends;          // the outlets, then the inlet if it holds its pressure
+    double inlet_mL_s = 0;              // mean of a flow source
+    std::vector<double> obstructed;     // increase of poiseuille_ by devices
+    std::vector<Narrowing> narrowings;  // where it lies
     int version = 0;
     FlowSolution::Flows mean, exchange, driven, muscle;
     std::vector<double> step_losses_mL_s;  // flow through each stenosis for which step_ was made
@@ -114,6 +142,10 @@ class Flow final : public Effect, public Evolution {
   std::vector<double> Resistances(const std::vector<double>& stenosis_flow_mL_s) const;
   std::vector<double> Inflow(double inlet_mL_s) const;
   bool IsHeldInlet(const FlowEnd& end) const { return end.node == inlet_.node; }
+  const Snapshot* SnapshotAt(double time_s) const;
+  double ResistanceBefore(const FlowPlace& place, double edge_mL_s) const;
+  void AddNarrowings(const Curve& curve, const PointSet& points,
+                     std::vector<Narrowing>& narrowings) const;
   void SolveMean();
   void MakeStep();
   void Step();

@@ -150,7 +150,7 @@ std::string FlowGraph::NameOf(int node) const {
   return text.str();
 }
 
-std::vector<bool> FlowGraph::ReachedFrom(int node) const {
+std::vector<bool> FlowGraph::ReachedFrom(int node, int closed) const {
   std::vector<bool> reached(nodes_.size(), false);
   std::vector<int> open{node};
   reached[static_cast<std::size_t>(node)] = true;
@@ -158,6 +158,7 @@ std::vector<bool> FlowGraph::ReachedFrom(int node) const {
     const int here = open.back();
     open.pop_back();
     for (const int e : nodes_[static_cast<std::size_t>(here)].edges) {
+      if (e == closed) continue;
       const FlowEdge& edge = edges_[static_cast<std::size_t>(e)];
       const auto there = edge.a == here ? edge.b : edge.a;
       if (reached[static_cast<std::size_t>(there)]) continue;

@@ -43,8 +43,9 @@ class FlowGraph {
   int EdgeAt(const vessel::CenterlinePlace& place) const;
   /// Name of a node, as in "curve_14" end.
   std::string NameOf(int node) const;
-  /// Nodes connected to a node along edges: true for each reached node.
-  std::vector<bool> ReachedFrom(int node) const;
+  /// Nodes connected to a node along edges: true for each reached node. `closed`: an edge that
+  /// nothing passes; -1 for none.
+  std::vector<bool> ReachedFrom(int node, int closed = -1) const;
 
   /// Integral of 1/r^4 over part of a curve, 1/mm^3. Times 8 mu/pi it is Poiseuille's resistance.
   double InverseFourthPower(std::size_t curve, double from_mm, double to_mm) const;

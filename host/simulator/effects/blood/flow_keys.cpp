@@ -294,7 +294,8 @@ StenosisLoss MakeStenosis(const StenosisSpec& spec, const FlowGraph& graph) {
   }
   const auto area = [](double r_mm) { return std::numbers::pi * r_mm * r_mm; };
   return {.edge = graph.EdgeAt(network.Place(spec.centerline, throat_at_mm)),
-          .loss_mmHg_s2_mL2 = StenosisLossMmHg(area(wide_mm), area(throat_mm))};
+          .loss_mmHg_s2_mL2 = StenosisLossMmHg(area(wide_mm), area(throat_mm)),
+          .at_mm = throat_at_mm};
 }
 
 std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& context) {
