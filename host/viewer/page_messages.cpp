@@ -283,6 +283,37 @@ std::string ReadingsText(const torquer_lcm::readings_t& readings) {
       .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+std::string PatientText(const torquer_lcm::vital_signs_t& vitals) {
+  const std::size_t count = vitals.ecg.size();
+  const std::size_t left_out = count > kMostVitalSamples ? count - kMostVitalSamples : 0;
+  // A thousandth of the R wave, and of a mmHg, is finer than the screen. Of a number that is not
+  // finite, JSON makes null.
+  const auto newest = [left_out](const std::vector<float>& all) {
+    std::vector<double> shown;
+    for (std::size_t k = left_out; k < all.size(); ++k) {
+      shown.push_back(std::round(1e3 * static_cast<double>(all[k])) / 1e3);
+    }
+    return shown;
+  };
+  return nlohmann::json(
+             {{"kind", "patient"},
+              {"time_s", vitals.time_s},
+              {"heart_rate_per_min", vitals.heart_rate_per_min},
+              {"beat_s", vitals.beat_s},
+              {"systolic_mmHg", vitals.systolic_mmHg},
+              {"diastolic_mmHg", vitals.diastolic_mmHg},
+              {"mean_mmHg", vitals.mean_mmHg},
+              {"wedged", vitals.wedged != 0},
+              {"alarms", vitals.alarms},
+              {"rate_limits_per_min", vitals.rate_limits_per_min},
+              {"systolic_limits_mmHg", vitals.systolic_limits_mmHg},
+              {"sample_s", vitals.sample_s},
+              {"first_sample", vitals.first_sample + static_cast<std::int64_t>(left_out)},
+              {"ecg", newest(vitals.ecg)},
+              {"pressure_mmHg", newest(vitals.pressure_mmHg)}})
+      .dump();
+}
+
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
   constexpr std::uint8_t kKnownFlags = 3;
   if (bytes.size() != kControlsBytes) return {};

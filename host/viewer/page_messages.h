@@ -9,6 +9,7 @@
 #include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/vital_signs_t.hpp>
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
@@ -62,6 +63,9 @@ std::string LinesText(const vessel::CenterlineNetwork& centerlines,
 std::string SceneText(const torquer_lcm::scene_description_t& scene);
 std::string HealthText(const torquer_lcm::health_t& health);
 std::string ReadingsText(const torquer_lcm::readings_t& readings);
+/// Curves and figures of the patient monitor; at most the newest kMostVitalSamples samples.
+std::string PatientText(const torquer_lcm::vital_signs_t& vitals);
+inline constexpr std::size_t kMostVitalSamples = 500;
 
 /// Controls that the page's keys request now. They are rates, not positions, so that all motion
 /// stops if a page stops sending.

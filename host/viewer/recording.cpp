@@ -34,10 +34,14 @@ std::size_t Recording::Topic::CountAt(std::int64_t at_us) const {
 }
 
 Recording::Recording(const std::string& path) : file_(path, kRemedy) {
-  constexpr std::array kChannels = {
-      std::string_view(protocol::kWireStateChannel), std::string_view(protocol::kWireForcesChannel),
-      std::string_view(protocol::kPictureChannel),   std::string_view(protocol::kSceneChannel),
-      std::string_view(protocol::kReadingsChannel),  std::string_view(protocol::kHealthChannel)};
+  constexpr std::array kChannels = {std::string_view(protocol::kWireStateChannel),
+                                    std::string_view(protocol::kWireForcesChannel),
+                                    std::string_view(protocol::kPictureChannel),
+                                    std::string_view(protocol::kSceneChannel),
+                                    std::string_view(protocol::kReadingsChannel),
+                                    std::string_view(protocol::kHealthChannel),
+                                    std::string_view(protocol::kVitalSignsChannel),
+                                    std::string_view(protocol::kLateralPictureChannel)};
   EventLogReader log(path);
   std::int64_t first_us = 0;
   bool begun = false;

@@ -97,6 +97,10 @@ class Replayer {
       if (const auto readings = Decode<readings_t>(bytes)) {
         server_.ShowText("readings", ReadingsText(*readings));
       }
+    } else if (topic.channel == protocol::kVitalSignsChannel) {
+      if (const auto vitals = Decode<vital_signs_t>(bytes)) {
+        server_.ShowText("patient", PatientText(*vitals));
+      }
     } else if (topic.channel == protocol::kHealthChannel) {
       if (const auto health = Decode<health_t>(bytes)) {
         server_.ShowText(topic.name, HealthText(*health));

@@ -107,6 +107,10 @@ class Viewer {
                                               steering_.Add(readings);
                                               server_.ShowText("readings", ReadingsText(readings));
                                             });
+    bus_.Subscribe<torquer_lcm::vital_signs_t>(protocol::kVitalSignsChannel,
+                                               [this](const torquer_lcm::vital_signs_t& vitals) {
+                                                 server_.ShowText("patient", PatientText(vitals));
+                                               });
     // A viewer that steers already knows its own commands.
     if (!steer_) {
       bus_.Subscribe<torquer_lcm::instrument_command_t>(
@@ -177,8 +181,8 @@ class Viewer {
     state_.reset();
     forces_.reset();
     state_is_new_ = false;
-    for (const char* topic :
-         {"state", "picture", "picture/lateral", "readings", "scene", "vessel", "lines"}) {
+    for (const char* topic : {"state", "picture", "picture/lateral", "readings", "patient", "scene",
+                              "vessel", "lines"}) {
       server_.Forget(topic);
     }
     // An unfinished load continues, but its result is not shown.

@@ -126,6 +126,41 @@ TEST_CASE("A reading that is not known is null on the page") {
   CHECK(values.at("safe_success").is_null());
 }
 
+TEST_CASE("The page gets the patient's curves, with null for what is not known") {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  torquer_lcm::vital_signs_t vitals{};
+  vitals.heart_rate_per_min = 72;
+  vitals.systolic_mmHg = nan;
+  vitals.wedged = 1;
+  vitals.alarms = 18;
+  vitals.rate_limits_per_min[1] = 60;
+  vitals.sample_s = 0.004;
+  vitals.first_sample = 40;
+  vitals.ecg = {0.12345F, 1};
+  vitals.pressure_mmHg = {nan, 119.98765F};
+  vitals.sample_count = 2;
+  const nlohmann::json text = nlohmann::json::parse(PatientText(vitals));
+  CHECK(text.at("kind") == "patient");
+  CHECK(text.at("heart_rate_per_min") == 72);
+  CHECK(text.at("systolic_mmHg").is_null());
+  CHECK(text.at("wedged") == true);
+  CHECK(text.at("alarms") == 18);
+  CHECK(text.at("rate_limits_per_min") == nlohmann::json({0, 60}));
+  CHECK(text.at("first_sample") == 40);
+  CHECK(text.at("ecg") == nlohmann::json({0.123, 1}));
+  CHECK(text.at("pressure_mmHg").at(0).is_null());
+  CHECK(text.at("pressure_mmHg").at(1) == 119.988);
+  // Any program may send more samples than a page shows: the newest stay.
+  vitals.ecg.assign(3000, 0.5F);
+  vitals.ecg.back() = 1;
+  vitals.pressure_mmHg.assign(3000, 80);
+  vitals.sample_count = 3000;
+  const nlohmann::json long_text = nlohmann::json::parse(PatientText(vitals));
+  CHECK(long_text.at("ecg").size() == kMostVitalSamples);
+  CHECK(long_text.at("ecg").back() == 1);
+  CHECK(long_text.at("first_sample") == 40 + 3000 - static_cast<int>(kMostVitalSamples));
+}
+
 TEST_CASE("Controls are taken only as the page sends them") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto controls = ReadControls(Bytes(3, 40, -3, 0.5F, 0));

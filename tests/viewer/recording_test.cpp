@@ -4,7 +4,9 @@
 #include <fstream>
 #include <string>
 #include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/vital_signs_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
@@ -84,6 +86,27 @@ TEST_CASE("A recording gives the newest of each topic at any moment") {
   CHECK(Find(recording, "health/daemon/")->times_us == std::vector<std::int64_t>{0, 9000});
   REQUIRE(Find(recording, "health/simulator/") != nullptr);
   CHECK_FALSE(recording.damage().any());
+}
+
+TEST_CASE("A recording has the pictures of both planes, and the patient's curves") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  {
+    EventLogWriter log(path);
+    Write(log, 0, torquer::protocol::kWireStateChannel, State(1));
+    Write(log, 1000, torquer::protocol::kPictureChannel, torquer_lcm::picture_t{});
+    Write(log, 2000, torquer::protocol::kLateralPictureChannel, torquer_lcm::picture_t{});
+    Write(log, 3000, torquer::protocol::kVitalSignsChannel, torquer_lcm::vital_signs_t{});
+    log.Finish();
+  }
+  const Recording recording(path);
+  for (const char* channel :
+       {torquer::protocol::kPictureChannel, torquer::protocol::kLateralPictureChannel,
+        torquer::protocol::kVitalSignsChannel}) {
+    INFO(channel);
+    REQUIRE(Find(recording, channel) != nullptr);
+    CHECK(Find(recording, channel)->times_us.size() == 1);
+  }
 }
 
 TEST_CASE("A recording shows the states that have their shape") {

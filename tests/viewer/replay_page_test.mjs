@@ -87,6 +87,30 @@ test("it pauses, steps by single shapes, and goes to a place", async () => {
   assert.equal(await text("#state"), "Replay, paused");
 });
 
+test("the patient's curves come again, the same at the same time", async () => {
+  const vitals = () => page.evaluate(() => window.torquer.patient());
+  const curves = async (seconds) => {
+    await place(seconds);
+    await until(`${seconds} s`, async () => (await at()) === seconds);
+    return until("the curves rest", async () => {
+      const before = JSON.stringify(await vitals());
+      await page.waitForTimeout(400);
+      return JSON.stringify(await vitals()) === before && (await vitals());
+    });
+  };
+  const late = await curves(4);
+  const early = await curves(2);
+  assert.equal(late.patient.heart_rate_per_min, 70);
+  assert.ok(late.patient.time_s > early.patient.time_s + 1.5 && late.patient.time_s < early.patient.time_s + 2.5);
+  assert.equal(late.patient.ecg.length, 250);
+  assert.ok(late.patient.systolic_mmHg > late.patient.diastolic_mmHg + 20, JSON.stringify(late.patient));
+  assert.match(await text("#patient-pressure b"), /^\d+\/\d+$/);
+  // Backwards the page starts again, so that no sample of the future is left.
+  assert.ok(early.samples.every(({ number }) => number * early.patient.sample_s <= early.patient.time_s));
+  assert.deepEqual((await curves(4)).patient, late.patient);
+  assert.deepEqual((await curves(2)).patient, early.patient);
+});
+
 test("it plays at other speeds, and again from the end", async () => {
   // Progress in the recording during one second of real time, from 1 s on.
   const second = async (speed) => {

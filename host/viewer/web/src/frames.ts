@@ -110,6 +110,27 @@ export interface Readings {
   values: Record<string, number | null>; // null: not known
 }
 
+/** Curves of the last second, and figures of the last whole beat. null: not known. */
+export interface Patient {
+  kind: "patient";
+  time_s: number;
+  heart_rate_per_min: number | null;
+  beat_s: number | null; // time of the newest R wave
+  systolic_mmHg: number | null;
+  diastolic_mmHg: number | null;
+  mean_mmHg: number | null;
+  wedged: boolean; // the tip closes the lumen
+  alarms: number; // bits: ALARM
+  rate_limits_per_min: [number, number];
+  systolic_limits_mmHg: [number, number];
+  sample_s: number;
+  first_sample: number; // its time is first_sample times sample_s
+  ecg: (number | null)[]; // the R wave has the height 1
+  pressure_mmHg: (number | null)[];
+}
+
+export const ALARM = { rateLow: 1, rateHigh: 2, systolicLow: 4, systolicHigh: 8, damped: 16 } as const;
+
 /** Settings of the X-ray system. Zero pulses and mode 0 select the scene's values. */
 export interface Imaging {
   mode: number;
@@ -189,6 +210,7 @@ export type Incoming =
   | Scene
   | Health
   | Readings
+  | Patient
   | Replay
   | Cases
   | Viewer;

@@ -11,6 +11,7 @@ import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
 import { Pad } from "./pad.js";
 import { Panel } from "./panel.js";
+import { PatientMonitor } from "./patient.js";
 import { Prices } from "./prices.js";
 import { ReplayBar } from "./replay.js";
 import { Space } from "./space.js";
@@ -24,6 +25,7 @@ class Page {
   private readonly fluoroscopy = new Fluoroscopy();
   private readonly space = new Space();
   private readonly panel = new Panel();
+  private readonly patient = new PatientMonitor();
   private readonly prices = new Prices();
   private readonly steering = new Steering(
     (controls) => {
@@ -63,6 +65,7 @@ class Page {
       this.gamepad.poll();
       this.fluoroscopy.advance(performance.now());
       this.space.draw();
+      this.patient.draw(performance.now());
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
@@ -74,6 +77,8 @@ class Page {
         state: () => this.state,
         scene: () => this.scene,
         readings: () => this.readings,
+        patient: () => this.patient.shown,
+        take: (message: Incoming) => this.take(message),
         viewer: () => this.viewer,
         cases: () => this.cases.newest,
         pictures: () => this.pictures,
@@ -126,6 +131,9 @@ class Page {
         this.readings = message;
         this.fluoroscopy.setReadings(message, this.viewer?.contrast === true);
         break;
+      case "patient":
+        this.patient.take(message);
+        break;
       case "health":
         this.panel.setHealth(message, nowMs);
         if (message.process === "simulator") this.prices.take(message);
@@ -158,6 +166,7 @@ class Page {
     this.pictures = 0;
     this.fluoroscopy.clear();
     this.panel.clear();
+    this.patient.clear();
     this.examination.set(this.cases.examines, performance.now());
   }
 
@@ -168,6 +177,7 @@ class Page {
     this.space.setScene(scene);
     if (another) this.prices.setScene(scene);
     this.panel.setScene(scene);
+    this.patient.setScene(scene);
     this.examination.setScene(scene);
     this.steering.setInstruments(scene.instruments.length);
     this.pad.setEffects(
@@ -210,6 +220,7 @@ class Page {
     const nowMs = performance.now();
     this.cases.refresh();
     this.panel.refresh(this.viewer, this.readings, this.fresh(), nowMs);
+    this.patient.refresh(this.fresh());
     this.examination.refresh(this.readings, this.state, nowMs);
     const [level, text, notice] = this.session(nowMs);
     const shown = element<HTMLElement>("#state");
