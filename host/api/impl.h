@@ -49,6 +49,8 @@ struct Scene::Impl {
 struct Simulation::Impl {
   explicit Impl(const Scene& of);
   Impl(const Impl& other);
+  /// Returns to the start of the scene.
+  void Restart();
 
   Scene scene;
   std::shared_ptr<scene::Scene> lent;

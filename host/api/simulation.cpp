@@ -120,13 +120,17 @@ const Command& Simulation::command() const {
   return impl_->rows.command();
 }
 
+void Simulation::Impl::Restart() {
+  simulation.Restart();
+  rows.Restart();
+  past = {};
+  pictures.assign(pictures.size(), Picture{});
+  pictures_due.assign(pictures.size(), false);
+}
+
 void Simulation::Restart() {
   const auto hold = impl().usage.Change();
-  impl_->simulation.Restart();
-  impl_->rows.Restart();
-  impl_->past = {};
-  impl_->pictures.assign(impl_->pictures.size(), Picture{});
-  impl_->pictures_due.assign(impl_->pictures.size(), false);
+  impl_->Restart();
 }
 
 StepReport Simulation::Step(const Command& command) { return Step(command, {}); }

@@ -340,6 +340,14 @@ void AddSimulation(py::module_& module) {
       .def(
           "forces", &ForcesOf,
           "Forces along the wire, one entry per node of nodes_mm. Needs [effects.internal_forces].")
+      .def("track_sensitivities", &Simulation::TrackSensitivities, py::arg("keys"), NoGil(),
+           "Tracks the derivatives of the states by these keys of the scene from its start on; an "
+           "empty list ends it. Only before the first step or after restart(). A key is a number, "
+           "or a list of numbers, of an instrument or an effect, or vessel.wall_stiffness_N_mm2. "
+           "The states stay those without tracking. Copies track too, pickles do not.")
+      .def("sensitivities", &torquer::python::SensitivitiesOf,
+           "Derivatives of the present state by the tracked keys: a Sensitivity for each key. With "
+           "friction or inertia they include the effect of the way from the start.")
       .def("places_in_picture", &PlacesOf, py::arg("points_mm"), py::arg("plane") = 0,
            "Columns and rows of points, shape (n, 3), in a picture of a plane that is taken now, "
            "at the angles and the magnification of the last step; shape (n, 2). Pixel (0, 0) is "
@@ -362,6 +370,7 @@ PYBIND11_MODULE(_torquer, module) {
   py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
   torquer::python::AddScene(module);
   torquer::python::AddSurface(module);
+  torquer::python::AddSensitivity(module);
   AddSimulation(module);
   py::tuple modes(std::size(kModes));
   for (std::size_t k = 0; k < std::size(kModes); ++k) modes[k] = kModes[k];

@@ -44,6 +44,7 @@ TORQUER_MADE(torquer::InstrumentInfo);
 TORQUER_MADE(torquer::Scene);
 TORQUER_MADE(torquer::Surface);
 TORQUER_MADE(torquer::StepReport);
+TORQUER_MADE(torquer::Sensitivity);
 TORQUER_MADE(torquer::Imaging);
 TORQUER_MADE(torquer::Simulation);
 TORQUER_MADE(torquer::python::NavigationTask);
@@ -102,5 +103,8 @@ pybind11::str Represent(const pybind11::object& self, const char* name,
 void AddScene(pybind11::module_& module);
 void AddSurface(pybind11::module_& module);
 void AddNavigation(pybind11::module_& module);
+void AddSensitivity(pybind11::module_& module);
+/// Derivatives by key.
+pybind11::dict SensitivitiesOf(const Simulation& simulation);
 
 }  // namespace torquer::python

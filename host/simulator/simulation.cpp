@@ -124,6 +124,7 @@ void Simulation::Restart() {
   time_s_ = 0;
   for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) effect->Restart();
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
+  if (tracker_ != nullptr) tracker_->Restart();
   state_ = scene_.MakeStart(*relaxation_);
   target_ = scene_.start();
   controls_ = {};
@@ -148,6 +149,7 @@ void Simulation::CopyFrom(const Simulation& twin) {
   }
   state_ = twin.state_;
   relaxation_->CopyFrom(*twin.relaxation_, state_);
+  CopyTracker(twin);
   report_ = twin.report_;
   time_s_ = twin.time_s_;
   target_ = twin.target_;
@@ -173,6 +175,7 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);
   for (effects::Timed* timed : timed_) timed->AdvanceTime(time_s_ - before_s);
+  if (tracker_ != nullptr) tracker_->AdvanceTime(time_s_, time_s_ - before_s);
   Relax(budget);
   ++tick_;
   done_.push_front({target_, time_s_, report_.work});
@@ -180,8 +183,36 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   if (done_.size() > kMostPastInMessage + 1) done_.pop_back();
   updates_ += report_.updates;
   Observe();
+  if (tracker_ != nullptr) {
+    tracker_->Look(report_, (status_ & protocol::kWireOutsideLumen) != 0);
+  }
   RunEffects(time_s_ - before_s, controls_);
   return report_;
+}
+
+void Simulation::TrackSensitivities(const std::vector<std::string>& keys) {
+  assert(tick_ == 0);
+  std::unique_ptr<SensitivityTracker> tracker;
+  if (!keys.empty()) {
+    tracker = std::make_unique<SensitivityTracker>(scene_, relaxation_->rods()[0], keys);
+  }
+  relaxation_->Follow(tracker == nullptr ? nullptr : &tracker->follower());
+  tracker_ = std::move(tracker);
+  if (tracker_ != nullptr) Restart();
+}
+
+void Simulation::CopyTracker(const Simulation& twin) {
+  if (twin.tracker_ == nullptr) {
+    relaxation_->Follow(nullptr);
+    tracker_.reset();
+    return;
+  }
+  if (tracker_ == nullptr || tracker_->keys() != twin.tracker_->keys()) {
+    tracker_ =
+        std::make_unique<SensitivityTracker>(scene_, relaxation_->rods()[0], twin.tracker_->keys());
+    relaxation_->Follow(&tracker_->follower());
+  }
+  tracker_->CopyFrom(*twin.tracker_);
 }
 
 void Simulation::Relax(WorkBudget& budget) {
@@ -233,6 +264,7 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
   for (const auto& [observer, effect] : observers_) {
     Priced(effect, [&, role = observer] { role->Observe(tick); });
   }
+  if (tracker_ != nullptr) tracker_->Observe(tick);
   for (std::size_t k = 0; k < images_.size(); ++k) {
     Priced(images_[k].effect, [&] { pictures_due_[k] = images_[k].role->Take(tick); });
   }

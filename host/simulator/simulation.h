@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "host/simulator/effect_prices.h"
 #include "host/simulator/effects/observers/vital_signs.h"
 #include "host/simulator/scene/scene.h"
+#include "host/simulator/sensitivity_tracker.h"
 
 namespace torquer::simulator {
 
@@ -58,6 +60,12 @@ class Simulation {
   void RecordAttempts(std::vector<AttemptRecord>* records) { relaxation_->Record(records); }
   /// Returns to the start of the scene.
   void Restart();
+  /// Tracks the derivatives of the states by values of the scene from now on; none: no tracking, at
+  /// no cost. Only at the start of the scene. Throws UserError for a scene or a key without
+  /// derivatives.
+  void TrackSensitivities(const std::vector<std::string>& keys);
+  /// Null if nothing is tracked.
+  const SensitivityTracker* sensitivities() const { return tracker_.get(); }
   /// Copies the state of `twin`, which runs a scene of the same spec. The same commands then give
   /// the same states, bit for bit. Neither may be in a tick.
   void CopyFrom(const Simulation& twin);
@@ -148,9 +156,11 @@ class Simulation {
   void Relax(WorkBudget& budget);
   TickReport RelaxToTarget(WorkBudget& budget);
   void RunEffects(double step_s, const effects::Controls& controls);
+  void CopyTracker(const Simulation& twin);
 
   scene::Scene& scene_;
   std::unique_ptr<Relaxation> relaxation_;
+  std::unique_ptr<SensitivityTracker> tracker_;  // null without tracking
   EffectPrices* const prices_ = nullptr;
   std::vector<effects::Timed*> timed_;
   std::vector<EffectRole<effects::Evolution>> evolutions_;

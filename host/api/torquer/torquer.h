@@ -251,6 +251,23 @@ struct Forces {
   std::vector<double> twisting_mN_mm;   ///< moment
 };
 
+/// Derivatives of the state by a number of the scene.
+struct Sensitivity {
+  std::string key;
+  /// Number of the key in the scene. For a list of several numbers 1: the derivatives are by their
+  /// common factor.
+  double value = 0;
+  /// Reason for which the derivatives of the present state are not known; empty if they are.
+  std::string unknown;
+  /// Derivatives of Simulation::nodes_mm(), mm per unit of the key. Empty if they are not known.
+  std::vector<Point> nodes_mm;
+  /// Derivatives of InstrumentState::tip_mm of each instrument. Empty if they are not known.
+  std::vector<Point> tips_mm;
+  /// Derivatives of Simulation::readings(), without those of effects that evolve by themselves.
+  /// NaN: not known. Empty if no derivative is known.
+  std::vector<Reading> readings;
+};
+
 /// Place in a picture: pixel (0, 0) is centered at column 0, row 0, top left. NaN for a point that
 /// is not in front of the X-ray source.
 struct PicturePlace {
@@ -343,6 +360,16 @@ class TORQUER_API Simulation {
   std::string Record() const;
   /// Forces along the curve of nodes_mm(). Throws Error without [effects.internal_forces].
   Forces forces() const;
+  /// Tracks the derivatives of the states by these keys of the scene, in place of earlier ones;
+  /// none: no tracking. Only at the start: before the first step, or after Restart. A key has a
+  /// number or a list of numbers. It belongs to an instrument or an effect, or is
+  /// "vessel.wall_stiffness_N_mm2". The states stay those without tracking. Copies track too, but
+  /// Save and Load do not. Throws Error for a key without derivatives. There are none with several
+  /// curves, with friction between instruments, or by the paper's method.
+  void TrackSensitivities(const std::vector<std::string>& keys);
+  /// Derivatives of the present state by the tracked keys, in their order. With friction or inertia
+  /// they include the effect of the way from the start.
+  std::vector<Sensitivity> sensitivities() const;
   int picture_planes() const;  ///< 0 without [effects.fluoroscopy], 2 with [effects.lateral_plane]
   /// True if a plane has a new picture that LastPicture has not returned yet. A step may take
   /// several, and LastPicture returns the last one: see `after_tick`.

@@ -18,6 +18,8 @@
 
 namespace torquer {
 
+class PartFollower;
+
 /// Work budget: decides when a tick has to end. The core has no clock. Real time implements it by a
 /// deadline, a replay by the recorded number of units.
 class WorkBudget {
@@ -125,6 +127,9 @@ class Relaxation {
   virtual std::uint64_t Hash(std::uint64_t seed) const { return seed; }
   /// Appends a record of every attempt from now on; null stops recording, at no cost.
   void Record(std::vector<AttemptRecord>* records) { records_ = records; }
+  /// `follower` sees each part of the motion from the next Restart on; null: none, at no cost. Only
+  /// Newton's method has followers, and only for one curve that does not touch itself.
+  void Follow(PartFollower* follower) { follower_ = follower; }
 
   const InstrumentStack& stack() const { return rods_.stack(); }
   /// Rods of the curves at the present poses.
@@ -139,6 +144,7 @@ class Relaxation {
   /// Sets the rods to the instruments at `poses`.
   void Combine(const InstrumentPoses& poses) { rods_.Combine(poses); }
   std::vector<AttemptRecord>* records() const { return records_; }
+  PartFollower* follower() const { return follower_; }
 
  private:
   // Steps of a method. `goal`: the target within the instruments' limits.
@@ -162,6 +168,7 @@ class Relaxation {
   std::optional<InstrumentStack> lone_;
   CombinedRods rods_;
   std::vector<AttemptRecord>* records_ = nullptr;
+  PartFollower* follower_ = nullptr;
 };
 
 }  // namespace torquer

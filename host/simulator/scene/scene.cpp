@@ -339,8 +339,20 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
   for (std::size_t k = 0; k < effects_.size(); ++k) {
     if (EnergyTerm* term = effects_[k]->energy_term()) terms_.push_back(stand_in(k, term));
   }
-  const ClearanceField& field = moving_ != nullptr ? *moving_ : vessel_.wire_field();
-  return MakeNewtonRelaxation(*stack_, field, wall_, newton_, terms_);
+  return MakeNewtonRelaxation(*stack_, WireField(), wall_, newton_, terms_);
+}
+
+const ClearanceField& Scene::WireField() const {
+  if (moving_ != nullptr) return *moving_;
+  return vessel_.wire_field();
+}
+
+std::unique_ptr<ShadowWire> Scene::MakeShadow() {
+  std::vector<EnergyTerm*> terms;
+  for (const std::unique_ptr<effects::Effect>& effect : effects_) {
+    if (EnergyTerm* term = effect->energy_term()) terms.push_back(term);
+  }
+  return std::make_unique<ShadowWire>(*stack_, WireField(), wall_, std::move(terms));
 }
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {

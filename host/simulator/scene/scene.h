@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/newton/shadow_wire.h"
 #include "host/simulator/core/paper/paper_relaxation.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/stack/instrument_stack.h"
@@ -79,6 +80,9 @@ class Scene {
   /// into effects().
   using StandIn = std::function<EnergyTerm*(std::size_t effect, EnergyTerm* term)>;
   std::unique_ptr<Relaxation> MakeRelaxation(const StandIn& stand_in);
+  /// Makes a shadow of a wire in this scene, which must outlive it. Use one at a time, because
+  /// effects have state.
+  std::unique_ptr<ShadowWire> MakeShadow();
   /// Places of the instruments at the start.
   InstrumentPoses start() const;
   /// Wire at the start: without insertion, or laid along the start path and relaxed.
@@ -100,6 +104,8 @@ class Scene {
   void MakeStack();
   void LayBeside(Clearance& clearance) const;
   void SetRelaxation();
+  // The vessel as the wire feels it now.
+  const ClearanceField& WireField() const;
   // Effect with a name; null for none.
   const effects::Effect* FindEffect(const std::string& name) const;
   void MakeEffect(const EffectSpec& spec, const Scene* sharing);

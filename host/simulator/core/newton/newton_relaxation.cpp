@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "host/simulator/core/hash.h"
+#include "host/simulator/core/newton/linearized_balance.h"
 #include "host/simulator/core/newton/move_instruments.h"
 
 namespace torquer {
@@ -69,6 +70,7 @@ void NewtonMethod<Sweep>::Restart(WireState& state) {
   memory_.Forget();
   memory_.travel_mm = field_.TravelMm();
   Pair(state);
+  if (follower() != nullptr) follower()->Restart(state);
 }
 
 template <class Sweep>
@@ -204,13 +206,18 @@ void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
   for (EnergyTerm* term : terms_) {
     for (int c = 0; c < state.curves(); ++c) term->Begin(memory_.current.curve(c).points);
   }
+  if (follower() != nullptr) follower()->BeginPart();
   memory_.part = Part::kOpen;
   // Begin of the terms, or other pairs of the curves, may change the energy.
   memory_.up_to_date = memory_.up_to_date && terms_.empty() && !mechanics_.has_pairs();
 }
 
 template <class Sweep>
-void NewtonMethod<Sweep>::EndPart() {
+void NewtonMethod<Sweep>::EndPart(const WireState& state) {
+  if (follower() != nullptr) {
+    SweepBalance<Sweep> balance(mechanics_, solver_, trial_quadratic_);
+    follower()->EndPart(state, balance);
+  }
   for (EnergyTerm* term : terms_) {
     for (int c = 0; c < mechanics_.curves(); ++c) term->End(memory_.current.curve(c).points);
   }
@@ -235,12 +242,14 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   const InstrumentPoses next = NextPoses(stack(), here, goal, feed_mm, settings_.max_turn_rad);
   // For the terms each part is a tick, so their memory does not depend on the length of a tick.
   if (memory_.part == Part::kMoved) {
-    EndPart();
+    EndPart(state);
     BeginPart(state);
   }
   memory_.part = Part::kMoved;
+  const bool has_parts = !terms_.empty() || follower() != nullptr;
+  const double fraction =
+      has_parts ? FractionOfMotion(here, next, goal, feed_mm, settings_.max_turn_rad) : 1;
   if (!terms_.empty()) {
-    const double fraction = FractionOfMotion(here, next, goal, feed_mm, settings_.max_turn_rad);
     for (EnergyTerm* term : terms_) {
       if (TimedTerm* timed = term->timed_term()) timed->SetMotionFraction(fraction);
     }
@@ -260,6 +269,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   memory_.ForgetTravels();
   memory_.Move();
   for (int c = 0; c < state.curves(); ++c) mechanics_.points(c).SampleStiffness(state.curve(c));
+  if (follower() != nullptr) follower()->MovePart({here, next, fraction}, state);
   Pair(state);
   return CountActions(here, next);
 }
@@ -401,8 +411,8 @@ void NewtonMethod<Sweep>::PushOff(WireState& state) {
 }
 
 template <class Sweep>
-void NewtonMethod<Sweep>::End(const WireState& /*state*/, bool settled, TickReport& report) {
-  if (settled) EndPart();
+void NewtonMethod<Sweep>::End(const WireState& state, bool settled, TickReport& report) {
+  if (settled) EndPart(state);
   const QuadraticModel& current = memory_.current;
   report.converged = memory_.up_to_date && current.residual <= settings_.tolerance;
   report.stalled = memory_.stalled();
@@ -414,37 +424,5 @@ void NewtonMethod<Sweep>::End(const WireState& /*state*/, bool settled, TickRepo
 template class NewtonMethod<RiccatiSweep<BendStage>>;
 template class NewtonMethod<RiccatiSweep<TwistStage>>;
 template class NewtonMethod<FrontSweep>;
-
-namespace {
-
-template <class Wires>
-std::unique_ptr<Relaxation> MakeLone(const Wires& wires, bool twists, const ClearanceField& field,
-                                     const WallModel& wall, const NewtonSettings& settings,
-                                     const std::vector<EnergyTerm*>& terms) {
-  if (twists) {
-    return std::make_unique<NewtonMethod<RiccatiSweep<TwistStage>>>(wires, field, wall, settings,
-                                                                    terms);
-  }
-  return std::make_unique<NewtonRelaxation>(wires, field, wall, settings, terms);
-}
-
-}  // namespace
-
-std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const ClearanceField& field,
-                                                 const WallModel& wall,
-                                                 const NewtonSettings& settings,
-                                                 const std::vector<EnergyTerm*>& terms) {
-  return MakeLone(wire, wire.twists(), field, wall, settings, terms);
-}
-
-std::unique_ptr<Relaxation> MakeNewtonRelaxation(const InstrumentStack& stack,
-                                                 const ClearanceField& field, const WallModel& wall,
-                                                 const NewtonSettings& settings,
-                                                 const std::vector<EnergyTerm*>& terms) {
-  if (stack.curves() > 1 || stack.empty_rod().stack_twists() || stack.clearance().touches_itself) {
-    return std::make_unique<NewtonMethod<FrontSweep>>(stack, field, wall, settings, terms);
-  }
-  return MakeLone(stack, stack.empty_rod().twists(), field, wall, settings, terms);
-}
 
 }  // namespace torquer

@@ -80,7 +80,7 @@ class NewtonMethod final : public Relaxation {
   // For the terms, every part of a motion is one relaxation: Begin .. End.
   void FollowVessel(WireState& state);
   void BeginPart(const WireState& state);
-  void EndPart();
+  void EndPart(const WireState& state);
   void FindPressed(const WireState& state);
   AttemptRecord Attempt(const WireState& state, TickReport& report);
   void Accept(const AttemptRecord& record, WireState& state, TickReport& report);

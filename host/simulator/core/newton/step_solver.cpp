@@ -320,6 +320,13 @@ double StepSolver<Sweep>::NextStepMm(const WireState& state, const QuadraticMode
 }
 
 template <class Sweep>
+const CurveStep& StepSolver<Sweep>::StepOf(const WireState& state, const QuadraticModel& at) {
+  Factor(state, at, 0);
+  Step(state, at);
+  return steps_.front();
+}
+
+template <class Sweep>
 void StepSolver<Sweep>::Push(const WireState& state, const QuadraticModel& at, WireState& trial) {
   constexpr double kPush = 1e-4;  // largest turn of a segment, rad
   // All curves get the same push, because the inner instruments move along in the lumen.

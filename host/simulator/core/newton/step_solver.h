@@ -60,6 +60,9 @@ class StepSolver {
   /// given, mm. NaN if the Hessian is not positive definite. Replaces the step.
   double NextStepMm(const WireState& state, const QuadraticModel& at,
                     const std::vector<Eigen::Vector3d>* shift_mm = nullptr);
+  /// The innermost curve's part of Newton's step without damping. The Hessian must be positive
+  /// definite. Replaces the step.
+  const CurveStep& StepOf(const WireState& state, const QuadraticModel& at);
   /// Sets `trial` to `state` after a small push that excites every shape. Its direction is
   /// arbitrary, but always the same. Replaces the step.
   void Push(const WireState& state, const QuadraticModel& at, WireState& trial);
