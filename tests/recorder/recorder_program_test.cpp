@@ -4,6 +4,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -123,7 +124,15 @@ TEST_CASE("The recorder thins shapes, ends with one, and writes several parts") 
   session.recorder->Signal(SIGTERM);
   CHECK(session.recorder->Wait() == 0);
   CAPTURE(session.recorder->Output(), session.recorder->Error());
-  CHECK_THAT(session.recorder->Output(), Catch::Contains("and its parts, 5 in all; the oldest 2 "));
+  // A busy recorder reads some messages after the last look at its parts, and may begin another.
+  const std::string output = session.recorder->Output();
+  int parts = 0;
+  int removed = 0;
+  const std::size_t reported = std::min(output.find("and its parts"), output.size());
+  REQUIRE(std::sscanf(output.c_str() + reported, "and its parts, %d in all; the oldest %d ", &parts,
+                      &removed) == 2);
+  CHECK(parts >= 5);
+  CHECK(removed == parts - 3);
   CHECK_FALSE(std::filesystem::exists(session.path));
   CHECK_FALSE(std::filesystem::exists(session.path + ".part002"));
   std::vector<bool> outlines;

@@ -127,17 +127,17 @@ TEST_CASE("A reading that is not known is null on the page") {
 }
 
 TEST_CASE("The page gets the patient's curves, with null for what is not known") {
-  const float nan = std::numeric_limits<float>::quiet_NaN();
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   torquer_lcm::vital_signs_t vitals{};
   vitals.heart_rate_per_min = 72;
-  vitals.systolic_mmHg = nan;
+  vitals.systolic_mmHg = kUnknown;
   vitals.wedged = 1;
   vitals.alarms = 18;
   vitals.rate_limits_per_min[1] = 60;
   vitals.sample_s = 0.004;
   vitals.first_sample = 40;
   vitals.ecg = {0.12345F, 1};
-  vitals.pressure_mmHg = {nan, 119.98765F};
+  vitals.pressure_mmHg = {static_cast<float>(kUnknown), 119.98765F};
   vitals.sample_count = 2;
   const nlohmann::json text = nlohmann::json::parse(PatientText(vitals));
   CHECK(text.at("kind") == "patient");

@@ -12,7 +12,6 @@
 
 using Catch::Matchers::Contains;
 using torquer::effects::EcgAt;
-using torquer::effects::PatientMonitor;
 using torquer::effects::VitalSigns;
 using torquer::simulator::Command;
 using torquer::simulator::Simulation;
