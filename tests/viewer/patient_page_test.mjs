@@ -21,6 +21,8 @@ const figures = async () => {
   return { rate: Number(rate), systolic: Number(pressure.split("/")[0]), diastolic: Number(pressure.split("/")[1]), mean: Number(mean) };
 };
 const shown = () => page.evaluate(() => window.torquer.patient());
+/** Waits until the page has drawn what it has now. */
+const drawn = () => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 const give = (more) => page.evaluate((changes) => {
   window.torquer.take(window.torquer.state()); // the page counts its state as new
   window.torquer.take({ ...window.torquer.patient().patient, ...changes });
@@ -87,30 +89,31 @@ test("the curves are drawn and move", async () => {
 });
 
 test("the monitor covers no picture and is not cut off, in six windows and in an examination", async () => {
+  const faults = () => page.evaluate(() => {
+    const box = (selector) => document.querySelector(selector).getBoundingClientRect();
+    document.querySelector("#patient").scrollIntoView({ block: "nearest" });
+    const [patient, picture, room] = [box("#patient"), box("#plane"), box("#figures")];
+    const apart = (a, b) => a.left >= b.right || a.right <= b.left || a.top >= b.bottom || a.bottom <= b.top;
+    const found = [];
+    if (!(patient.width > 200 && patient.height > 100)) found.push(`${patient.width} x ${patient.height}`);
+    if (!apart(patient, picture)) found.push("covers the picture");
+    for (const part of document.querySelectorAll("#patient > *")) {
+      const { left, right, top, bottom, width } = part.getBoundingClientRect();
+      if (width === 0) continue; // no alarm
+      if (left < patient.left || right > patient.right || top < patient.top - 1 || bottom > patient.bottom + 1) found.push(part.id);
+      if (part.scrollWidth > part.clientWidth + 1) found.push(`${part.id} is cut off`);
+    }
+    if (patient.left < room.left || patient.right > room.right) found.push("outside of its column");
+    if (document.querySelector("#patient canvas").clientWidth < 90) found.push("narrow curves");
+    return found;
+  });
   for (const [width, height] of SIZES) {
     await page.setViewportSize({ width, height });
-    for (const mode of ["practice", "examination"]) {
+    for (const exam of [true, false]) {
       await page.keyboard.press("KeyE");
-      await page.waitForTimeout(250);
-      const bad = await page.evaluate(() => {
-        const box = (selector) => document.querySelector(selector).getBoundingClientRect();
-        document.querySelector("#patient").scrollIntoView({ block: "nearest" });
-        const [patient, picture, room] = [box("#patient"), box("#plane"), box("#figures")];
-        const apart = (a, b) => a.left >= b.right || a.right <= b.left || a.top >= b.bottom || a.bottom <= b.top;
-        const found = [];
-        if (!(patient.width > 200 && patient.height > 100)) found.push(`${patient.width} x ${patient.height}`);
-        if (!apart(patient, picture)) found.push("covers the picture");
-        for (const part of document.querySelectorAll("#patient > *")) {
-          const { left, right, top, bottom, width } = part.getBoundingClientRect();
-          if (width === 0) continue; // no alarm
-          if (left < patient.left || right > patient.right || top < patient.top - 1 || bottom > patient.bottom + 1) found.push(part.id);
-          if (part.scrollWidth > part.clientWidth + 1) found.push(`${part.id} is cut off`);
-        }
-        if (patient.left < room.left || patient.right > room.right) found.push("outside of its column");
-        if (document.querySelector("#patient canvas").clientWidth < 90) found.push("narrow curves");
-        return found;
-      });
-      assert.deepEqual(bad, [], `${width} x ${height}, ${mode}`);
+      await until(`the examination is ${exam}`, () => page.evaluate((on) => document.body.classList.contains("exam") === on, exam));
+      await drawn();
+      assert.deepEqual(await faults(), [], `${width} x ${height}, examination: ${exam}`);
     }
   }
   await page.setViewportSize({ width: 1280, height: 720 });
@@ -119,7 +122,6 @@ test("the monitor covers no picture and is not cut off, in six windows and in an
 test("alarms are texts with their limits, and what is not known is --", async () => {
   // From here on the test is the only source of the patient's curves.
   process.kill(Number(session.read("simulator.pid")), "SIGSTOP");
-  await page.waitForTimeout(500);
   const base = {
     heart_rate_per_min: 45, systolic_mmHg: 172, diastolic_mmHg: 95, mean_mmHg: 120, wedged: true, alarms: 1 + 8 + 16,
     rate_limits_per_min: [50, 120], systolic_limits_mmHg: [90, 160],
@@ -155,7 +157,7 @@ test("the monitor looks as kept", async () => {
   };
   await until("it is drawn", async () => {
     await give(message);
-    await page.waitForTimeout(300);
+    await drawn();
     return (await text("#patient-alarms")).startsWith("Pressure damped") && (await text("#patient-pressure b")) === "120/75";
   });
   await give(message);
