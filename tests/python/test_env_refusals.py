@@ -38,6 +38,15 @@ def test_single_and_vector_refuse_the_same_steps():
         for step in (lambda: env.step([bad, 0.0]), lambda: many.step([[0.0, bad]])):
             with pytest.raises(torquer.Error, match="finite|not a number|nan|inf"):
                 step()
+    # Both name the same remedy, and refuse the same forms.
+    bad_actions = {math.nan: "not finite; give -1 to 1", "one": "not an array of numbers", None: "not finite"}
+    for bad, said in bad_actions.items():
+        for step in (lambda: env.step([0.0, bad]), lambda: many.step([[0.0, bad]])):
+            with pytest.raises(torquer.Error, match=said):
+                step()
+    for step in (lambda: env.step([[0.0, 0.0]]), lambda: many.step([[[0.0, 0.0]]]), lambda: env.step(0.0), lambda: many.step(0.0)):
+        with pytest.raises(torquer.Error, match="of the shape"):
+            step()
     # A refused step has no motion.
     assert env.simulation.time_s == pytest.approx(0.1)
     for _ in range(2):

@@ -154,12 +154,15 @@ ROWS = "1,10,1.0\n2,12,1.5\n3,14,2\n"
         ("time_s,wire.hand_force_mN\n1,2\n", [RIGIDITY], ":1: no column moves an instrument"),
         ("time_s,insertion_mm,wire.insertion_mm,a\n1,2,2,1\n", [RIGIDITY], ":1: a hand has two columns"),
         ("time_s,time_s,insertion_mm\n1,1,2\n", [RIGIDITY], ":1: column 'time_s' is there 2 times"),
+        ("# by hand\n\n" + HEAD + "1,10\n", [RIGIDITY], ":4: has 2 columns"),
+        ('"",' + HEAD + '"1",1,10,1\n', [RIGIDITY], ":1: column 1 has no name; name it or remove it (in R"),
         (HEAD + "1,10\n", [RIGIDITY], ":2: has 2 columns, and the first line has 3"),
         (HEAD + "1,nan,1\n", [RIGIDITY], ":2: wire.insertion_mm is 'nan'"),
         (HEAD + "1,10,inf\n", [RIGIDITY], ":2: wire.hand_force_mN is 'inf'"),
         (HEAD + "2,10,1\n2,11,1\n", [RIGIDITY], ":3: time_s is 2, after 2"),
         (HEAD + "-1,10,1\n", [RIGIDITY], ":2: time_s is -1"),
         (HEAD + "1,10,\n", [RIGIDITY], "nothing was measured"),
+        (HEAD + "1,10,NA\n", [RIGIDITY], "nothing was measured"),
         ("time_s,insertion_mm,shape\n1,2,s\n", [RIGIDITY], ":2: there is no shape 's'"),
         (HEAD.replace("hand_force", "hand_farce") + ROWS, [RIGIDITY], ":1: the scene has no reading 'wire.hand_farce_mN'; it has tip_x_mm"),
         (HEAD + "1,10,1.0\n2,12,1.5\n", [RIGIDITY, FRICTION], "has 2 measured values for 2 keys"),
@@ -174,6 +177,16 @@ def test_faults_are_refused_by_file_line_and_remedy(scene, tmp_path, text, vary,
     with pytest.raises(torquer.Error) as error:
         Experiment(scene, table_of(scene, text, tmp_path), vary)
     assert said in str(error.value)
+
+
+def test_tables_of_other_programs_give_the_same_values(scene, tmp_path):
+    plain = table_of(scene, HEAD + ROWS, tmp_path)
+    for separator, above in ((";", "sep=;\n"), ("\t", ""), (",", "\n# by hand\n")):
+        other = table_of(scene, above + (HEAD + ROWS).replace(",", separator), tmp_path)
+        assert other.columns == plain.columns and other.values() == plain.values() == 3
+        assert [row.line - plain.rows[k].line for k, row in enumerate(other.rows)] == [above.count("\n")] * 3
+        for row, same in zip(other.rows, plain.rows):
+            assert (row.time_s, row.readings) == (same.time_s, same.readings) and (row.hands == same.hands).all()
 
 
 def test_a_lone_wire_without_a_name_is_varied_by_its_usual_one(tmp_path):

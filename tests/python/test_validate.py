@@ -272,6 +272,38 @@ def test_tables_of_other_programs_are_read(tmp_path):
     assert np.allclose(shape.points, STRAIGHT, atol=1e-5) and unused == ["note; more"]
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: "sep=;\n" + text.replace(",", ";"),
+        lambda text: "sep=,\r\n" + text.replace("\n", "\r\n"),
+        lambda text: text.replace(",", "\t"),
+        lambda text: "\n# by a camera, at 20 C\n\n" + text,
+        lambda text: "sep=|\n" + text.replace(",", "|"),
+    ],
+)
+def test_tables_with_any_separator_are_read_below_what_programs_add(tmp_path, change):
+    path = write(tmp_path / "shapes.csv", {"a": STRAIGHT})
+    plain = path.read_text()
+    path.write_bytes(change(plain).encode())
+    (shape,), unused = shapes.read(path)
+    assert np.allclose(shape.points, STRAIGHT, atol=1e-5) and unused == []
+    # A fault has its line in the file, below the lines above the names.
+    text = change(plain.replace("a,3,", "a,three,"))
+    path.write_bytes(text.encode())
+    line = 1 + [line.find("three") >= 0 for line in text.split("\n")].index(True)
+    with pytest.raises(torquer.Error, match=f"shapes.csv:{line}: point is 'three'"):
+        shapes.read(path)
+
+
+@pytest.mark.parametrize("coding", ["utf-16-le", "utf-16-be"])
+def test_a_table_in_utf_16_without_its_mark_is_named(tmp_path, coding):
+    path = write(tmp_path / "shapes.csv", {"a": STRAIGHT})
+    path.write_bytes(path.read_text().encode(coding))
+    with pytest.raises(torquer.Error, match="the text is UTF-16; save it as UTF-8"):
+        shapes.read(path)
+
+
 def test_scenes_that_cannot_be_compared_are_refused(fork):
     with pytest.raises(torquer.Error, match="effects.point_load acts on the tip.*remove it"):
         fits.wire_of(fork.with_values({"effects.point_load.force_mN": 1, "effects.point_load.force_direction": [1, 0, 0]}))

@@ -194,6 +194,19 @@ class Prepared:
         return Box(0, 255, (height, width, 1), np.uint8)
 
 
+def action_values(actions: npt.ArrayLike, shape: Tuple[int, ...], name: str) -> npt.NDArray[np.float64]:
+    """Actions as numbers. Raises Error unless they have the shape and are finite."""
+    try:
+        values = np.asarray(actions, float)
+    except (TypeError, ValueError) as error:
+        raise Error(f"{name} not an array of numbers ({error})") from None
+    if values.shape != shape:
+        raise Error(f"{name} of the shape {values.shape}; give {shape}")
+    if not np.isfinite(values).all():
+        raise Error(f"{name} not finite; give -1 to 1")
+    return values
+
+
 def check_options(options: Optional[Dict[str, Any]], known: Sequence[str]) -> Dict[str, Any]:
     """Options of a reset. Unknown options are an error."""
     if options is None:

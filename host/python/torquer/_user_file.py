@@ -52,7 +52,8 @@ def read_text(path: Path) -> str:
             raise Error(f"{os.fspath(path)}: cannot be read ({error.strerror}); check the disk") from None
     if len(data) > _MOST_BYTES:
         raise Error(f"{os.fspath(path)}: larger than {_MOST_BYTES} bytes; give a smaller file")
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    # UTF-16 may lack its mark. No other text has zeros.
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff") or 0 in data[:2]:
         raise Error(f"{os.fspath(path)}: the text is UTF-16; save it as UTF-8 (in Excel: CSV UTF-8)")
     try:
         return data.decode("utf-8-sig")

@@ -20,6 +20,7 @@ from ._navigation import (
     Reward,
     Target,
     Task,
+    action_values,
     check_options,
     chosen_mask,
     chosen_rotation,
@@ -202,17 +203,12 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         reset() this is an error."""
         try:
             which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
-            rows = np.asarray(actions, float)
         except (TypeError, ValueError) as error:
-            raise Error(f"actions or ids are not an array of numbers ({error})") from None
+            raise Error(f"ids are not an array of numbers ({error})") from None
         if which.dtype.kind not in "iu" and len(which) > 0:
             raise Error(f"ids are {which.tolist()}; give whole numbers, 0 to {self.num_envs - 1}")
         which = which.astype(int)
-        shape = (len(which), *self.single_action_space.shape)
-        if rows.shape != shape:
-            raise Error(f"actions have the shape {rows.shape}; give {shape}")
-        if not np.isfinite(rows).all():
-            raise Error("actions hold a number that is not finite; give -1 to 1")
+        rows = action_values(actions, (len(which), *self.single_action_space.shape), "actions are")
         if len(np.unique(which)) != len(which) or ((which < 0) | (which >= self.num_envs)).any():
             raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
         if not self._begun:

@@ -31,6 +31,7 @@ from ._navigation import (
     Prepared,
     Reward,
     Task as Task,
+    action_values,
     check_options,
     chosen_rotation,
     generator,
@@ -171,7 +172,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
         """Moves the hands for Task.step_s. Before a reset, and after the end, this is an error."""
         if self._ended:
             raise Error("the episode has ended; call reset() before step()")
-        self._navigation.step(action)
+        self._navigation.step(action_values(action, self.action_space.shape, "the action is"))
         facts = self._navigation.facts
         info = info_of(facts, self._target)
         reward, self._ended = rewarded(Moment(self.simulation, info, facts[0]), self.reward, self.end)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import os
 from typing import Dict, List, Optional, Sequence, Tuple, Union
 
@@ -12,13 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Error, Scene
-from .._user_file import read_text
+from .._cells import Cells, cell_number
 from ..validate import shapes as measured_shapes
 
 Array = npt.NDArray[np.float64]
 HANDS = ("insertion_mm", "rotation_rad")
 TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 _MOST_ROWS = 100_000
+# R writes NA.
+_NOT_MEASURED = ("", "NA")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Table:
         return sum(len(row.readings) + (0 if row.shape is None else 2 * len(row.shape)) for row in self.rows)
 
 
-def _hand_columns(path: str, names: Sequence[str], instruments: Sequence[str]) -> Dict[str, Tuple[int, int]]:
+def _hand_columns(where: str, names: Sequence[str], instruments: Sequence[str]) -> Dict[str, Tuple[int, int]]:
     """Instrument and component of each column that moves a hand."""
     out = {}
     for k, instrument in enumerate(instruments):
@@ -58,9 +58,9 @@ def _hand_columns(path: str, names: Sequence[str], instruments: Sequence[str]) -
                 if name in names:
                     out[name] = (k, component)
     if not out:
-        raise Error(f"{path}:1: no column moves an instrument; give {instruments[0]}.insertion_mm or {instruments[0]}.rotation_rad")
+        raise Error(f"{where}: no column moves an instrument; give {instruments[0]}.insertion_mm or {instruments[0]}.rotation_rad")
     if len(set(out.values())) < len(out):
-        raise Error(f"{path}:1: a hand has two columns; keep insertion_mm or {instruments[0]}.insertion_mm, and one rotation")
+        raise Error(f"{where}: a hand has two columns; keep insertion_mm or {instruments[0]}.insertion_mm, and one rotation")
     return out
 
 
@@ -73,44 +73,36 @@ def read(scene: Scene, path: Union[str, "os.PathLike[str]"], shapes_path: Option
     shapes = {}
     if shapes_path is not None:
         shapes = {shape.name: shape.points for shape in measured_shapes.read(shapes_path)[0]}
-    text = read_text(path)
-    first = text.split("\n", 1)[0]
-    lines = csv.reader(io.StringIO(text, newline=""), delimiter=";" if ";" in first and "," not in first else ",")
+    cells = Cells(path)
+    names = cells.names
+    if "time_s" not in names:
+        raise Error(f"{path}:{cells.line}: the column time_s is missing; give the time of each row, in s")
+    if "" in names:
+        place = names.index("") + 1
+        raise Error(f"{path}:{cells.line}: column {place} has no name; name it or remove it (in R: row.names = FALSE)")
+    moving = _hand_columns(f"{path}:{cells.line}", names, [one.name for one in scene.instruments])
+    columns = [name for name in names if name not in ("time_s", "shape", *moving)]
     rows: List[Row] = []
-    try:
-        names = [name.strip() for name in next(lines, [])]
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise Error(f"{path}:1: column {twice[0]!r} is there {names.count(twice[0])} times; keep one")
-        if "time_s" not in names:
-            raise Error(f"{path}:1: the column time_s is missing; give the time of each row, in s")
-        moving = _hand_columns(path, names, [one.name for one in scene.instruments])
-        columns = [name for name in names if name not in ("time_s", "shape", *moving)]
-        hands = np.zeros((len(scene.instruments), 2))
-        for cells in lines:
-            if not any(cell.strip() for cell in cells):
-                continue
-            where = f"{path}:{lines.line_num}"
-            if len(cells) != len(names):
-                raise Error(f"{where}: has {len(cells)} columns, and the first line has {len(names)}; repair the line")
-            if len(rows) == _MOST_ROWS:
-                raise Error(f"{where}: more than {_MOST_ROWS} rows; give fewer")
-            row = {name: cell.strip() for name, cell in zip(names, cells)}
-            time_s = measured_shapes.cell_number(where, "time_s", row["time_s"])
-            if rows and not time_s > rows[-1].time_s:
-                raise Error(f"{where}: time_s is {time_s:g}, after {rows[-1].time_s:g}; order the rows by time")
-            if not rows and time_s < 0:
-                raise Error(f"{where}: time_s is {time_s:g}; begin at 0 or later")
-            hands = hands.copy()
-            for name, at in moving.items():
-                hands[at] = measured_shapes.cell_number(where, name, row[name])
-            readings = {name: measured_shapes.cell_number(where, name, row[name]) for name in columns if row[name]}
-            shape = row.get("shape", "")
-            if shape and shape not in shapes:
-                raise Error(f"{where}: there is no shape {shape[:40]!r}; give it in the file of --shapes")
-            rows.append(Row(lines.line_num, time_s, hands, readings, shapes[shape] if shape else None))
-    except csv.Error as error:
-        raise Error(f"{path}:{lines.line_num}: {error}; save it again as CSV") from None
+    hands = np.zeros((len(scene.instruments), 2))
+    for line, row in cells.rows():
+        where = f"{path}:{line}"
+        if len(rows) == _MOST_ROWS:
+            raise Error(f"{where}: more than {_MOST_ROWS} rows; give fewer")
+        time_s = cell_number(where, "time_s", row["time_s"])
+        if rows and not time_s > rows[-1].time_s:
+            raise Error(f"{where}: time_s is {time_s:g}, after {rows[-1].time_s:g}; order the rows by time")
+        if not rows and time_s < 0:
+            raise Error(f"{where}: time_s is {time_s:g}; begin at 0 or later")
+        hands = hands.copy()
+        for name, at in moving.items():
+            hands[at] = cell_number(where, name, row[name])
+        readings = {name: cell_number(where, name, row[name]) for name in columns if row[name] not in _NOT_MEASURED}
+        shape = row.get("shape", "")
+        if shape in _NOT_MEASURED:
+            shape = ""
+        elif shape not in shapes:
+            raise Error(f"{where}: there is no shape {shape[:40]!r}; give it in the file of --shapes")
+        rows.append(Row(line, time_s, hands, readings, shapes[shape] if shape else None))
     table = Table(path, rows, columns)
     if table.values() == 0:
         raise Error(f"{path}: nothing was measured; add a column for each reading, or one named shape")

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 import os
-from typing import Any, Dict, List, Sequence, Tuple, Union
+from typing import Any, Dict, List, Tuple, Union
 
 import numpy as np
 
-from .._user_file import read_text
+from .._cells import Cells, cell_number
 from ..centerlines import MM, UNITS
 from .._polyline import arcs_of
 from ._base import Error, Points, Values, need
@@ -42,33 +40,19 @@ class Shape:
         return np.arange(1, len(self.points) - 1, 2)
 
 
-def _columns(path: str, header: Sequence[str]) -> Tuple[Dict[str, int], str, List[str]]:
-    """Places of the five columns, the unit of the coordinates, and the names of other columns."""
-    names = [name.strip() for name in header]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise Error(f"{path}:1: column {twice[0]!r} is there {names.count(twice[0])} times; keep one")
+def _unit(table: Cells) -> Tuple[str, List[str]]:
+    """The unit of the coordinates, and the names of columns that are not used."""
+    names = table.names
     units = [unit for unit in UNITS if all(f"{axis}_{unit}" in names for axis in "xyz")]
     missing = [name for name in ("shape", "point") if name not in names]
     if len(units) != 1 or missing:
         absent = missing[0] if missing else "x_mm, y_mm, z_mm"
         raise Error(
-            f"{path}:1: the columns are {', '.join(names)[:200]}; {absent} is missing or ambiguous: "
+            f"{table.path}:{table.line}: the columns are {', '.join(names)[:200]}; {absent} is missing or ambiguous: "
             "give shape, point, x_mm, y_mm, z_mm, or another unit of " + ", ".join(UNITS) + " at all three"
         )
-    wanted = ["shape", "point", *(f"{axis}_{units[0]}" for axis in "xyz")]
-    return {name: names.index(name) for name in wanted}, units[0], [name for name in names if name not in wanted]
-
-
-def cell_number(where: str, name: str, text: str) -> float:
-    """The finite number of a cell. Raises Error naming the place, the column and the value."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise Error(f"{where}: {name} is {text[:40]!r}; give a finite number with a decimal point")
-    return value
+    used = ["shape", "point", *(f"{axis}_{units[0]}" for axis in "xyz")]
+    return units[0], [name for name in names if name and name not in used]
 
 
 def _whole(where: str, text: str) -> int:
@@ -93,42 +77,31 @@ def read(path: Union[str, "os.PathLike[str]"]) -> Tuple[List[Shape], List[str]]:
     Raises Error naming file, line, column, value and remedy.
     """
     path = os.fspath(path)
-    text = read_text(path)
-    first = text.split("\n", 1)[0]
-    rows = csv.reader(io.StringIO(text, newline=""), delimiter=";" if ";" in first and "," not in first else ",")
+    table = Cells(path)
+    unit, others = _unit(table)
     found: Dict[str, Tuple[List[int], List[int], List[List[float]]]] = {}
     last = ""
-    try:
-        places, unit, others = _columns(path, next(rows, []))
-        width = len(places) + len(others)
-        for row in rows:
-            where = f"{path}:{rows.line_num}"
-            if not any(cell.strip() for cell in row):
-                continue
-            if len(row) != width:
-                raise Error(f"{where}: has {len(row)} columns, and the first line has {width}; repair the line")
-            if rows.line_num > _MOST_ROWS:
-                raise Error(f"{where}: more than {_MOST_ROWS} lines; give fewer shapes")
-            cells = {name: row[place].strip() for name, place in places.items()}
-            name = cells["shape"]
-            if not name or len(name) > _LONGEST_NAME or not name.isprintable():
-                raise Error(f"{where}: shape is {name[:40]!r}; give a name of 1 to {_LONGEST_NAME} characters")
-            if name != last and name in found:
-                raise Error(f"{where}: shape {name} goes on after another shape; keep its points together")
-            lines, numbers, points = found.setdefault(name, ([], [], []))
-            number = _whole(where, cells["point"])
-            if numbers and number <= numbers[-1]:
-                raise Error(f"{where}: point is {number}, after {numbers[-1]}; order the points from the entry to the tip")
-            point = [MM[unit] * cell_number(where, f"{axis}_{unit}", cells[f"{axis}_{unit}"]) for axis in "xyz"]
-            farthest = max(point, key=abs)
-            if abs(farthest) > _LARGEST_MM:
-                raise Error(f"{where}: a coordinate is {farthest:g} mm; give at most {_LARGEST_MM:g}, and check the unit")
-            lines.append(rows.line_num)
-            numbers.append(number)
-            points.append(point)
-            last = name
-    except csv.Error as error:
-        raise Error(f"{path}:{rows.line_num}: {error}; save it again as CSV") from None
+    for line, cells in table.rows():
+        where = f"{path}:{line}"
+        if line > _MOST_ROWS:
+            raise Error(f"{where}: more than {_MOST_ROWS} lines; give fewer shapes")
+        name = cells["shape"]
+        if not name or len(name) > _LONGEST_NAME or not name.isprintable():
+            raise Error(f"{where}: shape is {name[:40]!r}; give a name of 1 to {_LONGEST_NAME} characters")
+        if name != last and name in found:
+            raise Error(f"{where}: shape {name} goes on after another shape; keep its points together")
+        lines, numbers, points = found.setdefault(name, ([], [], []))
+        number = _whole(where, cells["point"])
+        if numbers and number <= numbers[-1]:
+            raise Error(f"{where}: point is {number}, after {numbers[-1]}; order the points from the entry to the tip")
+        point = [MM[unit] * cell_number(where, f"{axis}_{unit}", cells[f"{axis}_{unit}"]) for axis in "xyz"]
+        farthest = max(point, key=abs)
+        if abs(farthest) > _LARGEST_MM:
+            raise Error(f"{where}: a coordinate is {farthest:g} mm; give at most {_LARGEST_MM:g}, and check the unit")
+        lines.append(line)
+        numbers.append(number)
+        points.append(point)
+        last = name
     if not found:
         raise Error(f"{path}: holds no shape; give a line for each point")
     shapes = []
