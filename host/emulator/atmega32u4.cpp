@@ -183,6 +183,9 @@ double Atmega32u4::now_us() const { return static_cast<double>(avr_->cycle) / cp
 void Atmega32u4::RunUntil(double us) {
   const auto end = static_cast<avr_cycle_count_t>(us * cpu_mhz_);
   if (end <= avr_->cycle) return;
+  // The CPU runs on until an interrupt or the next timer. By default simavr looks for these after
+  // each instruction.
+  avr_->run_cycle_limit = end - avr_->cycle;
   // Without a timer at the end, a sleeping chip would jump past it to its own next one.
   avr_cycle_timer_register(avr_, end - avr_->cycle, &Hooks::OnStop, hooks_.get());
   while (avr_->cycle < end) {

@@ -141,7 +141,7 @@ TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or are repor
   const auto vessel = MeshVessel::Open(folder + "surface.obj", options);
   const CenterlineNetwork network = ParseSlicerCurves(ReadCurveFiles(folder + "centerlines"));
   double outside = 0;
-  for (const OutsideStretch& stretch : FindStretchesOutside(network, vessel->field())) {
+  for (const OutsideStretch& stretch : FindStretchesOutside(network, vessel->surface())) {
     CHECK(stretch.worst_clearance_mm <= 0);
     outside += stretch.to_mm - stretch.from_mm;
   }

@@ -86,9 +86,10 @@ TEST_CASE("signs are right next to edges and corners, where faces disagree") {
   }
 }
 
-TEST_CASE("a grid of samples is what single look-ups give, to the bit") {
+TEST_CASE("a grid of samples is what single look-ups give, to the bit, as far as they are needed") {
   const TriangleBvh bvh(Bottle());
   Random random(23);
+  int replaced = 0;
   for (const double step : {0.25, 2.0, 16.0}) {
     for (int i = 0; i < 20; ++i) {
       const Vector3d corner = random.InBox({-10, -10, -10}, {45, 5, 5});
@@ -99,13 +100,20 @@ TEST_CASE("a grid of samples is what single look-ups give, to the bit") {
         y[k] = corner.y() + k * step;
         z[k] = corner.z() + k * step;
       }
-      bvh.SampleGrid(x, y, z, kCount, out);
-      for (int n = 0; n < kCount * kCount * kCount; ++n) {
-        CHECK(out[n] ==
-              bvh.Distance({x[n % kCount], y[n / kCount % kCount], z[n / kCount / kCount]}));
+      for (const double needed_mm : {std::numeric_limits<double>::infinity(), 6.0, 0.5}) {
+        bvh.SampleGrid(x, y, z, kCount, needed_mm, out);
+        for (int n = 0; n < kCount * kCount * kCount; ++n) {
+          const double distance =
+              bvh.Distance({x[n % kCount], y[n / kCount % kCount], z[n / kCount / kCount]});
+          if (out[n] == distance) continue;
+          ++replaced;
+          CHECK(std::abs(distance) > needed_mm);
+          CHECK(std::abs(out[n]) > needed_mm);
+        }
       }
     }
   }
+  CHECK(replaced > 1000);
 }
 
 TEST_CASE("rays hit the nearest face") {

@@ -163,7 +163,8 @@ TEST_CASE("a grid of samples has the bits of single samples") {
         for (int i = 0; i < kCount; ++i) axis[a][i] = low[a] + i * step_mm;
       }
       double samples[kCount * kCount * kCount];
-      field.SampleGrid(axis[0], axis[1], axis[2], kCount, samples);
+      field.SampleGrid(axis[0], axis[1], axis[2], kCount, std::numeric_limits<double>::infinity(),
+                       samples);
       int differ = 0;
       for (int at = 0; at < kCount * kCount * kCount; ++at) {
         const Vector3d p(axis[0][at % kCount], axis[1][at / kCount % kCount],

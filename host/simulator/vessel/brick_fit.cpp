@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace torquer::vessel {
 
@@ -92,7 +93,10 @@ void BrickFit::Sample(const DistanceSource& source, const BrickLevels& levels, b
     for (int a = 0; a < 3; ++a) axis[a][i] = at[a];
   }
   double samples[kSamples * kSamples * kSamples];
-  source.SampleGrid(axis[0], axis[1], axis[2], kSamples, samples);
+  // A sample counts if its own cell or a neighbor lies within the band.
+  const double needed_mm =
+      is_top ? std::numeric_limits<double>::infinity() : level_.edge_mm + level_.cell_mm;
+  source.SampleGrid(axis[0], axis[1], axis[2], kSamples, needed_mm, samples);
 
   constexpr int kStride[3] = {1, kSamples, kSamples * kSamples};
   const double limit = kSecondDifferenceLimit * level_.cell_mm;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/vessel/distance_source.h"
 #include "host/simulator/vessel/patient_space.h"
 
 namespace torquer::vessel {
@@ -155,9 +156,10 @@ struct OutsideStretch {
   double worst_clearance_mm = 0;  ///< the smallest clearance on it
 };
 
-/// Stretches of a network's curves outside the lumen (clearance <= 0), sampled every step_mm. Their
-/// ends are exact within 0.01 mm.
+/// Stretches of a network's curves outside the lumen (distance <= 0), sampled every step_mm. Their
+/// ends are exact within 0.01 mm. It asks the surface itself, because a field of bricks would build
+/// them along every curve.
 std::vector<OutsideStretch> FindStretchesOutside(const CenterlineNetwork& network,
-                                                 const ClearanceField& field, double step_mm = 1);
+                                                 const DistanceSource& surface, double step_mm = 1);
 
 }  // namespace torquer::vessel

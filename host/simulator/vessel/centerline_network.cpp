@@ -283,12 +283,12 @@ double WallBetween(double inside_mm, double outside_mm, const Clearance& clearan
 }  // namespace
 
 std::vector<OutsideStretch> FindStretchesOutside(const CenterlineNetwork& network,
-                                                 const ClearanceField& field, double step_mm) {
+                                                 const DistanceSource& surface, double step_mm) {
   std::vector<OutsideStretch> stretches;
   for (const Centerline& curve : network.curves()) {
     bool outside = false;
     const int steps = std::max(1, static_cast<int>(std::ceil(curve.length_mm() / step_mm)));
-    const auto clearance_at = [&](double s) { return field.Clearance(curve.At(s).position_mm); };
+    const auto clearance_at = [&](double s) { return surface.Distance(curve.At(s).position_mm); };
     for (int i = 0; i <= steps; ++i) {
       const double s = curve.length_mm() * i / steps;
       const double before = curve.length_mm() * std::max(i - 1, 0) / steps;

@@ -20,9 +20,11 @@ class DistanceSource {
   virtual double Distance(const Eigen::Vector3d& point_mm) const = 0;
 
   /// Distances at the count^3 points (x[i], y[j], z[k]), i fastest. The three arrays hold count
-  /// numbers each, increasing in equal steps. An override can share work between neighbors.
+  /// numbers each, increasing in equal steps. A distance beyond needed_mm from the wall may be
+  /// replaced by another one beyond it, of either sign. An override can share work between
+  /// neighbors.
   virtual void SampleGrid(const double* x, const double* y, const double* z, int count,
-                          double* distances) const {
+                          [[maybe_unused]] double needed_mm, double* distances) const {
     for (int k = 0; k < count; ++k) {
       for (int j = 0; j < count; ++j) {
         for (int i = 0; i < count; ++i) *distances++ = Distance({x[i], y[j], z[k]});

@@ -193,7 +193,7 @@ inline void TriangleBvh::Look(int32_t triangle, const Vector3d& p, Hit& hit) con
   }
 }
 
-TriangleBvh::Hit TriangleBvh::Search(const Vector3d& p, Hit best) const {
+TriangleBvh::Hit TriangleBvh::Search(const Vector3d& p, int32_t guess) const {
   struct Waiting {
     int32_t node;
     double squared;
@@ -201,7 +201,8 @@ TriangleBvh::Hit TriangleBvh::Search(const Vector3d& p, Hit best) const {
   Waiting stack[kStackDepth];
   int size = 0;
   stack[size++] = {0, 0};
-  Hit hit;
+  Hit best, hit;
+  Look(guess, p, best);
   while (size > 0) {
     const Waiting waiting = stack[--size];
     if (waiting.squared > best.squared * kSlack) continue;
@@ -243,10 +244,11 @@ TriangleBvh::Nearest TriangleBvh::NearestTo(const Vector3d& point_mm) const {
 
 // Few triangles can be nearest to the samples of a block. Their distance from its center exceeds
 // the least one by at most the block's diagonal. The distance to a triangle is convex, so it is
-// nowhere below its tangent at the center. The tangent is a cheap lower bound.
+// nowhere below its tangent at the center. The tangent is a cheap lower bound. A block that lies
+// beyond needed_mm as a whole gets the distance of its center.
 void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, int count,
-                             double* distances) const {
-  constexpr int kBlock = 3;
+                             double needed_mm, double* distances) const {
+  constexpr int kBlock = 4;
   thread_local std::vector<Candidate> candidates;
   int32_t last = 0;  // nearest triangle of the sample before: a first guess
   for (int k0 = 0; k0 < count; k0 += kBlock) {
@@ -256,35 +258,48 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
                   k1 = std::min(k0 + kBlock, count);
         const Vector3d low(x[i0], y[j0], z[k0]), high(x[i1 - 1], y[j1 - 1], z[k1 - 1]);
         const Vector3d center = (low + high) / 2;
-        Hit nearest;
-        Look(last, center, nearest);
-        nearest = Search(center, nearest);
+        const double diagonal_mm = (high - low).norm();
+        const Hit nearest = Search(center, last);
         last = nearest.triangle;
-        const bool few =
-            Gather(center, std::sqrt(nearest.squared) + (high - low).norm(), candidates);
+        const double distance_mm = std::sqrt(nearest.squared);
+        const bool is_needed = distance_mm - diagonal_mm / 2 <= needed_mm;
+        const bool few = is_needed && Gather(center, distance_mm + diagonal_mm, candidates);
         for (int k = k0; k < k1; ++k) {
           for (int j = j0; j < j1; ++j) {
+            double* row = distances + (k * count + j) * count;
+            if (!is_needed) {
+              std::fill(row + i0, row + i1, distance_mm);
+              continue;
+            }
             for (int i = i0; i < i1; ++i) {
-              const Vector3d p(x[i], y[j], z[k]), off = p - center;
-              Hit best, hit;
-              Look(last, p, best);
-              if (!few) best = Search(p, best);
-              double bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
-              for (const Candidate& candidate : candidates) {
-                if (candidate.distance + candidate.gradient.dot(off) > bound) continue;
-                Look(candidate.triangle, p, hit);
-                if (!hit.Beats(best)) continue;
-                best = hit;
-                bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
-              }
+              const Vector3d p(x[i], y[j], z[k]);
+              const Hit best = few ? SearchAmong(candidates, p, p - center, last) : Search(p, last);
               last = best.triangle;
-              distances[(k * count + j) * count + i] = Signed(p, best);
+              row[i] = Signed(p, best);
             }
           }
         }
       }
     }
   }
+}
+
+// The nearest of the candidates and of the triangle `guess` to a point, which lies `off` their
+// center.
+TriangleBvh::Hit TriangleBvh::SearchAmong(const std::vector<Candidate>& candidates,
+                                          const Vector3d& p, const Vector3d& off,
+                                          int32_t guess) const {
+  Hit best, hit;
+  Look(guess, p, best);
+  double bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
+  for (const Candidate& candidate : candidates) {
+    if (candidate.distance + candidate.gradient.dot(off) > bound) continue;
+    Look(candidate.triangle, p, hit);
+    if (!hit.Beats(best)) continue;
+    best = hit;
+    bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
+  }
+  return best;
 }
 
 // All triangles within limit_mm of a point, with the tangents of their distances. Returns false and

@@ -26,7 +26,7 @@ class TriangleBvh final : public DistanceSource {
   explicit TriangleBvh(TriangleMesh mesh);
 
   double Distance(const Eigen::Vector3d& point_mm) const override;
-  void SampleGrid(const double* x, const double* y, const double* z, int count,
+  void SampleGrid(const double* x, const double* y, const double* z, int count, double needed_mm,
                   double* distances) const override;
 
   const TriangleMesh& mesh() const { return mesh_; }
@@ -122,8 +122,10 @@ class TriangleBvh final : public DistanceSource {
   void WalkRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction, double least_mm,
                const double& nearest, Met met) const;
   inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
-  Hit Search(const Eigen::Vector3d& p, Hit best) const;
-  Hit Search(const Eigen::Vector3d& p) const { return Search(p, Hit()); }
+  // The triangle `guess` is only where the search begins.
+  Hit Search(const Eigen::Vector3d& p, int32_t guess = 0) const;
+  Hit SearchAmong(const std::vector<Candidate>& candidates, const Eigen::Vector3d& p,
+                  const Eigen::Vector3d& off, int32_t guess) const;
   bool Gather(const Eigen::Vector3d& p, double limit_mm, std::vector<Candidate>& candidates) const;
   double Signed(const Eigen::Vector3d& p, const Hit& hit) const;
 

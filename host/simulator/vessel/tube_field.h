@@ -51,7 +51,7 @@ class TubeField final : public ClearanceField, public DistanceSource {
 
   double Distance(const Eigen::Vector3d& point_mm) const override { return Clearance(point_mm); }
   /// Looks only at the tubes near the grid. The values are those of Clearance, bit for bit.
-  void SampleGrid(const double* x, const double* y, const double* z, int count,
+  void SampleGrid(const double* x, const double* y, const double* z, int count, double needed_mm,
                   double* distances) const override;
 
   /// Box that holds the lumen.

@@ -47,7 +47,7 @@ std::vector<TubeField::NearTube> TubeField::FindNear(const Vector3d& center,
 }
 
 void TubeField::SampleGrid(const double* x, const double* y, const double* z, int count,
-                           double* distances) const {
+                           double /*needed_mm*/, double* distances) const {
   const Vector3d low(x[0], y[0], z[0]), high(x[count - 1], y[count - 1], z[count - 1]);
   const std::vector<NearTube> near = FindNear((low + high) / 2, (high - low).norm() / 2);
   for (int k = 0; k < count; ++k) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -64,7 +63,8 @@ void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folde
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
   }
-  for (const OutsideStretch& stretch : FindStretchesOutside(vessel.centerlines, *vessel.field)) {
+  for (const OutsideStretch& stretch :
+       FindStretchesOutside(vessel.centerlines, vessel.surface->surface())) {
     const std::string from = fmt::format("{:.1f}", stretch.from_mm);
     const std::string to = fmt::format("{:.1f}", stretch.to_mm);
     if (from == to) continue;
@@ -87,8 +87,6 @@ Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
   } catch (const UserError& error) {
     spec.origin.Refuse("file", error.what());
   }
-  // The coarse levels suffice far from the wire; look-ups build the fine bricks near it.
-  vessel.surface->field().Build(1, static_cast<int>(std::thread::hardware_concurrency()));
   vessel.bricks = std::shared_ptr<const BrickField>(vessel.surface, &vessel.surface->field());
   vessel.field = vessel.bricks;
   const MeshReport& report = vessel.surface->report();
