@@ -42,12 +42,20 @@ void RotatingLog::Flush() { part_->Flush(); }
 void RotatingLog::Finish() { part_->Finish(); }
 
 bool RotatingLog::Rotate() {
+  if (part_->bytes() > 0) RemoveOldest();
   if (part_bytes_ == 0 || part_->bytes() < part_bytes_) return false;
   part_->Finish();
   earlier_bytes_ += part_->bytes();
   const std::int64_t next = part_->next();
   part_.emplace(LogPartPath(path_, ++number_), next);
+  return true;
+}
+
+// Only once the newest part has records: a recording that ends before keeps those of the part
+// before.
+void RotatingLog::RemoveOldest() {
   for (; keep_ > 0 && number_ - removed_ > keep_; ++removed_) {
+    part_->Flush();
     const std::string oldest = LogPartPath(path_, removed_ + 1);
     std::error_code error;
     std::filesystem::remove(oldest, error);
@@ -56,7 +64,6 @@ bool RotatingLog::Rotate() {
         fmt::format("{}: cannot be removed ({}); record in a folder of yours, or leave out --keep",
                     oldest, error.message()));
   }
-  return true;
 }
 
 std::int64_t RotatingLog::FreeBytes() const {

@@ -19,7 +19,8 @@ class RotatingLog {
   static constexpr std::int64_t kLeastFreeBytes = 100'000'000;
 
   /// Creates the file `path`. A part that reaches `part_bytes` is followed by another
-  /// (host/support/log_parts.h); 0: one part. Only the newest `keep` parts stay; 0: all. Throws
+  /// (host/support/log_parts.h); 0: one part. Only the newest `keep` parts with records stay; 0:
+  /// all. Throws
   /// UserError if the log or a part of it already exists, or if the file cannot be created. It also
   /// throws if the disk has less than kLeastFreeBytes free.
   RotatingLog(const std::string& path, std::int64_t part_bytes, int keep);
@@ -29,8 +30,9 @@ class RotatingLog {
   void Flush();
   void Finish();
 
-  /// Starts the next part if this one has reached `part_bytes`, and then returns true. Throws
-  /// UserError if an old part cannot be removed or the new part cannot be created.
+  /// Removes old parts once the newest one has records. Starts the next part if this one has
+  /// reached `part_bytes`, and then returns true. Throws UserError if an old part cannot be removed
+  /// or the new part cannot be created.
   bool Rotate();
 
   /// Free bytes on the disk.
@@ -42,6 +44,8 @@ class RotatingLog {
   int removed() const { return removed_; }  ///< number of removed parts
 
  private:
+  void RemoveOldest();
+
   std::string path_;
   std::int64_t part_bytes_;
   int keep_;

@@ -218,6 +218,28 @@ TEST_CASE("A log continues in parts, and keeps the newest") {
   CHECK(numbers.size() == (keep == 0 ? 45 : 15));
 }
 
+TEST_CASE("A recording that ends with an empty part still has the records before it") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  const std::vector<std::uint8_t> data(1000, 7);
+  RotatingLog log(path, 10'000, 1);
+  for (int k = 0; k < 10; ++k) log.Write(k, "CHANNEL", data);
+  REQUIRE(log.Rotate());
+  const auto kept = [&] {
+    EventLogReader reader(path);
+    std::int64_t records = 0;
+    for (LogRecord record; reader.Next(record);) ++records;
+    return records;
+  };
+  CHECK_FALSE(log.Rotate());
+  CHECK(kept() == 10);
+  // With its first record on the disk, the new part replaces the old one.
+  log.Write(10, "CHANNEL", data);
+  CHECK_FALSE(log.Rotate());
+  CHECK(kept() == 1);
+  CHECK(log.removed() == 1);
+}
+
 TEST_CASE("A log does not start beside parts of another log with its name") {
   const TemporaryFolder folder;
   std::ofstream(folder.Path("log.part007")) << "another's";
