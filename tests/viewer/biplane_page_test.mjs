@@ -45,7 +45,7 @@ test("both planes take pictures with the pedal, each from its side", async () =>
 });
 
 test("no text covers a plane, and none is cut off, in any window", async () => {
-  await checkMargins(page, ["#xray-picture", "#lateral-picture"], [[1280, 720], [1600, 900], [1024, 768], [420, 860], [860, 420]], 0.25);
+  await checkMargins(page, ["#xray-picture", "#lateral-picture"], [[1280, 720], [1600, 900], [1920, 1080], [1024, 768], [420, 860], [860, 420]], 0.25);
 });
 
 test("window and level are those of both, the C-arm's angle is not", async () => {

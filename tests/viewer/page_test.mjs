@@ -58,6 +58,12 @@ test("the space bar is the pedal, and the last picture stays", async () => {
   assert.ok((await grays()).kinds > 20, "the picture is gone");
 });
 
+test("the key of a foot switch is the pedal too", async () => {
+  const taken = await page.evaluate(() => window.torquer.pictures());
+  await hold("KeyB", "two pictures", () => page.evaluate((from) => window.torquer.pictures() >= from + 2, taken));
+  await until("the lamp goes out", async () => (await text("#lamp")).includes("OFF"));
+});
+
 test("window and level are set by the mouse", async () => {
   const before = await grays();
   await page.mouse.move(300, 300);

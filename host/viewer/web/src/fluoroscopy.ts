@@ -3,7 +3,9 @@
 import { element, Rows, seconds, setData, setText, short, signed } from "./dom.js";
 import type { Picture, Readings } from "./frames.js";
 import { Loops } from "./loops.js";
+import { Measure } from "./measure.js";
 import { PictureCanvas } from "./picture_canvas.js";
+import { FieldTimes } from "./picture_scale.js";
 
 const DEG = 180 / Math.PI;
 const MOST_ZOOM = 4;
@@ -47,9 +49,12 @@ function showSides(at: HTMLElement, laoRad: number, craRad: number): void {
 export class Fluoroscopy {
   private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
   private readonly unreadable = () => this.setHold("A picture was damaged and is not shown");
-  private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable);
+  private readonly changed = () => this.measure.changed();
+  private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable, this.changed);
   private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable);
-  private readonly reference = new PictureCanvas(element("#reference-picture"), () => {}, this.unreadable);
+  private readonly reference = new PictureCanvas(element("#reference-picture"), () => {}, this.unreadable, this.changed);
+  private readonly fields = new FieldTimes();
+  readonly measure = new Measure([this.picture, this.reference], this.fields);
   private shown: Picture | null = null; // of the first plane
   private readonly dose = new Rows(element("#dose"));
   private newest: Picture | null = null; // from the simulator
@@ -89,6 +94,11 @@ export class Fluoroscopy {
     if (picture === null) return;
     this.display(picture);
     this.setAngles(picture.laoRad, picture.craRad);
+  }
+
+  /** Numbers of the picture and of the reference on the page. */
+  get drawn(): { picture: number | null; reference: number | null } {
+    return { picture: this.picture.picture?.number ?? null, reference: this.reference.picture?.number ?? null };
   }
 
   get playing(): boolean {
@@ -131,6 +141,7 @@ export class Fluoroscopy {
   setReadings(readings: Readings, injecting: boolean): void {
     const values = readings.values;
     const fieldMm = values["xray_field_mm"] ?? 0;
+    if (fieldMm > 0) this.fields.add(readings.time_s, fieldMm);
     if (fieldMm !== this.fieldMm) {
       this.fieldMm = fieldMm;
       setText(element("#field"), fieldMm > 0 ? `field ${(fieldMm / 10).toFixed(0)} cm` : "");
@@ -169,6 +180,8 @@ export class Fluoroscopy {
     this.newest = this.shown = null;
     this.showReference(false);
     this.reference.clear();
+    this.fields.clear();
+    this.measure.clear();
     this.fieldMm = 0;
     this.drawScale();
     this.sayLoop();
@@ -207,6 +220,7 @@ export class Fluoroscopy {
       this.setWindow(this.level + event.movementY, this.width + 2 * event.movementX);
     });
     this.canvas.addEventListener("dblclick", () => {
+      if (this.measure.on) return;
       this.setWindow(128, 256);
       this.magnify(1 / this.zoom, 0, 0);
     });
@@ -254,8 +268,9 @@ export class Fluoroscopy {
     this.centerX = moved(this.centerX, x);
     this.centerY = moved(this.centerY, y);
     const shift = (center: number) => `${(100 * (0.5 - center)).toFixed(2)}%`;
-    this.canvas.style.transform =
-      this.zoom === 1 ? "" : `scale(${this.zoom}) translate(${shift(this.centerX)}, ${shift(this.centerY)})`;
+    const style = this.zoom === 1 ? "" : `scale(${this.zoom}) translate(${shift(this.centerX)}, ${shift(this.centerY)})`;
+    this.canvas.style.transform = style;
+    this.measure.transform(this.canvas, style);
     this.sayWindow();
     this.drawScale();
   }

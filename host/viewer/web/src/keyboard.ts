@@ -4,8 +4,9 @@ import type { Held, Source, Steering } from "./steering.js";
 
 const FINE = 0.15;
 
+// A USB foot switch is a keyboard. One pedal usually sends b as delivered; of three, the middle one b, the right one c.
 const HELD = new Set([
-  "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Space", "KeyC", "KeyW", "KeyA", "KeyS", "KeyD",
+  "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Space", "KeyB", "KeyC", "KeyW", "KeyA", "KeyS", "KeyD",
   "KeyY", "KeyG", "KeyH", "KeyJ", "PageUp", "PageDown",
 ]);
 
@@ -28,7 +29,7 @@ export class Keyboard implements Source {
     const held = (code: string) => (this.down.has(code) ? 1 : 0);
     const speed = this.fine ? FINE : 1;
     return {
-      xray: held("Space") === 1,
+      xray: held("Space") + held("KeyB") > 0,
       contrast: held("KeyC") === 1,
       push: speed * (held("ArrowUp") - held("ArrowDown")),
       turn: speed * (held("ArrowRight") - held("ArrowLeft")),

@@ -78,6 +78,8 @@ class Page {
         scene: () => this.scene,
         readings: () => this.readings,
         patient: () => this.patient.shown,
+        drawn: () => this.fluoroscopy.drawn,
+        measured: () => this.fluoroscopy.measure.measured,
         take: (message: Incoming) => this.take(message),
         viewer: () => this.viewer,
         cases: () => this.cases.newest,
@@ -342,6 +344,7 @@ class Page {
     if (event.code === "KeyX") this.space.section(!this.space.cuts);
     if (event.code === "KeyL") this.fluoroscopy.togglePlay();
     if (event.code === "KeyO") this.fluoroscopy.store();
+    if (event.code === "KeyQ") this.fluoroscopy.measure.next();
     if (event.code === "KeyE") this.examine();
     this.xraySystem.next(event.code);
     if (event.code === "KeyP" && this.steering.enabled) this.showPad(element<HTMLElement>("#pad").hidden);

@@ -1,10 +1,12 @@
 // A canvas that shows gray pictures with a window and a level.
 
 import type { Picture } from "./frames.js";
+import type { Gray } from "./vessel_course.js";
 
 export class PictureCanvas {
   private readonly screen: CanvasRenderingContext2D;
-  private gray = new Uint8ClampedArray();
+  private values = new Uint8ClampedArray();
+  private drawn: Picture | null = null;
   private decoding = false;
   private waiting: Picture | null = null;
   private level = 128; // gray that is shown as the middle
@@ -14,8 +16,19 @@ export class PictureCanvas {
     readonly canvas: HTMLCanvasElement,
     private readonly resized: () => void,
     private readonly unreadable: () => void,
+    private readonly changed: () => void = () => {},
   ) {
     this.screen = canvas.getContext("2d", { willReadFrequently: true })!;
+  }
+
+  /** Picture on the canvas. */
+  get picture(): Picture | null {
+    return this.drawn;
+  }
+
+  /** Its grays, before window and level. */
+  get gray(): Gray {
+    return { width: this.canvas.width, height: this.canvas.height, value: this.values };
   }
 
   /** While the decoder is busy, the newest picture waits and older ones are dropped. */
@@ -32,7 +45,8 @@ export class PictureCanvas {
 
   clear(): void {
     this.waiting = null;
-    this.gray = new Uint8ClampedArray();
+    this.values = new Uint8ClampedArray();
+    this.drawn = null;
     this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
@@ -45,6 +59,8 @@ export class PictureCanvas {
         const image = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
         this.take(image);
         image.close();
+        this.drawn = picture;
+        this.changed();
       } catch {
         this.unreadable();
       }
@@ -60,21 +76,21 @@ export class PictureCanvas {
     }
     this.screen.drawImage(image, 0, 0);
     const pixels = this.screen.getImageData(0, 0, image.width, image.height).data;
-    if (this.gray.length !== pixels.length / 4) this.gray = new Uint8ClampedArray(pixels.length / 4);
-    for (let i = 0; i < this.gray.length; ++i) this.gray[i] = pixels[4 * i]!;
+    if (this.values.length !== pixels.length / 4) this.values = new Uint8ClampedArray(pixels.length / 4);
+    for (let i = 0; i < this.values.length; ++i) this.values[i] = pixels[4 * i]!;
     if (this.level !== 128 || this.width !== 256) this.paint();
     if (resized) this.resized();
   }
 
   private paint(): void {
-    if (this.gray.length === 0) return;
+    if (this.values.length === 0) return;
     const shown = new Uint8ClampedArray(256);
     for (let value = 0; value < 256; ++value) {
       shown[value] = 128 + ((value - this.level) * 256) / this.width;
     }
     const image = this.screen.createImageData(this.canvas.width, this.canvas.height);
-    for (let i = 0; i < this.gray.length; ++i) {
-      const value = shown[this.gray[i]!]!;
+    for (let i = 0; i < this.values.length; ++i) {
+      const value = shown[this.values[i]!]!;
       image.data[4 * i] = image.data[4 * i + 1] = image.data[4 * i + 2] = value;
       image.data[4 * i + 3] = 255;
     }
