@@ -46,7 +46,9 @@ std::vector<std::string> Split(const std::string& line) {
 
 // Refuses a line that spreadsheets write in other forms than CSV, by the name of its form.
 void CheckForm(const std::string& path, int number, const std::string& line) {
-  if (number == 1 && (line.starts_with("\xff\xfe") || line.starts_with("\xfe\xff"))) {
+  // UTF-16 may lack its mark. No other text has zeros.
+  const bool marked = line.starts_with("\xff\xfe") || line.starts_with("\xfe\xff");
+  if (number == 1 && (marked || line.find('\0') < 2)) {
     Refuse(path, number, "the text is UTF-16; save the file as UTF-8 (in Excel: CSV UTF-8)");
   }
   if (line.find('\r') != std::string::npos) {

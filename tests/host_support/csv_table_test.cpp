@@ -56,6 +56,9 @@ TEST_CASE("A CSV table skips what spreadsheets add, and names a form that is not
                       "a\0,\0b\0\n\0",
                       10),
           "t.csv:1: the text is UTF-16; save");
+  // Without the mark, in either order of bytes.
+  refused(std::string("a\0,\0b\0\r\0\n\0", 10), "t.csv:1: the text is UTF-16; save");
+  refused(std::string("\0a\0,\0b\0\r\0\n", 10), "t.csv:1: the text is UTF-16; save");
   refused("\"\",\"a\"\n\"1\",2\n", "t.csv:1: column 1 has no name; name it or remove it (in R");
   refused("a,b,\n1,2,\n", "t.csv:1: column 3 has no name");
 }

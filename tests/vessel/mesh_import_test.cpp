@@ -1,8 +1,11 @@
 #include "host/simulator/vessel/mesh_import.h"
 
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
@@ -194,6 +197,35 @@ TEST_CASE("a reader of surfaces that has been taken over gets nowhere") {
   CHECK_THAT(Refusal([&] { missing.Read(); }), Contains("cannot be started"));
   CHECK(OpenFiles() == open_before);
   CHECK_FALSE(HasChildren());
+}
+
+TEST_CASE(
+    "a reader of surfaces that a limit of processor time ends does not call the file damaged") {
+  // The limits are those of a forked process: a hard one cannot be raised again.
+  const auto refusal = [](rlim_t soft_s, rlim_t hard_s) {
+    int ends[2];
+    REQUIRE(pipe(ends) == 0);
+    const Impostor busy("while :; do :; done");
+    const pid_t child = fork();
+    if (child == 0) {
+      const rlimit limit{soft_s, hard_s};
+      setrlimit(RLIMIT_CPU, &limit);
+      MeshReader reader = busy.reader;
+      reader.cpu_s = 30;
+      const std::string said = Refusal([&] { ImportMesh("", "a.ply", 1, reader); });
+      _exit(write(ends[1], said.data(), said.size()) < 0 ? 1 : 0);
+    }
+    close(ends[1]);
+    std::string said(1000, '\0');
+    said.resize(static_cast<std::size_t>(std::max<ssize_t>(0, read(ends[0], said.data(), 1000))));
+    close(ends[0]);
+    waitpid(child, nullptr, 0);
+    return said;
+  };
+  CHECK_THAT(refusal(1, 2), Contains("the 2 s of processor time that a program may take here") &&
+                                Contains("(ulimit -t)") && !Contains("damaged"));
+  // A hard limit kills at once.
+  CHECK_THAT(refusal(1, 1), Contains("the 1 s of processor time") && !Contains("damaged"));
 }
 
 TEST_CASE("surfaces are read from several threads at once", "[threads]") {

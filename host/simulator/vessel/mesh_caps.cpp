@@ -106,6 +106,22 @@ Rim Measure(const TriangleMesh& mesh, const std::vector<int32_t>& loop,
   return rim;
 }
 
+// The first measure by which a rim is not an end of a vessel.
+std::string WhyNoEnd(const Rim& rim) {
+  if (rim.radius_mm < kSmallestOpeningMm) {
+    return "its radius is " + Number(rim.radius_mm) + " mm, and that of an end at least " +
+           Number(kSmallestOpeningMm) + " mm";
+  }
+  if (rim.off_plane_mm > kLeastFlat * rim.radius_mm) {
+    return "not flat: " + Number(rim.off_plane_mm) + " mm off a plane";
+  }
+  if (rim.roundness > kLeastRound) {
+    return "not round: " + Number(rim.roundness) +
+           " times the squared perimeter of a circle of equal area";
+  }
+  return "the wall around it faces as its cap does";
+}
+
 void Cap(TriangleMesh& mesh, const std::vector<int32_t>& loop, const Vector3d& center_mm) {
   if (loop.size() == 3) {
     mesh.triangles.push_back({loop[0], loop[1], loop[2]});
@@ -135,12 +151,11 @@ void CapLoops(TriangleMesh& mesh, const std::string& name, double largest_hole_s
       throw UserError(
           name + ": a hole with a rim of " + std::to_string(loop.size()) + " edges, " +
           Number(rim.length_mm) + " mm long, at " + Place(rim.center_mm) +
-          " is not an end of a vessel (neither flat nor round: " + Number(rim.off_plane_mm) +
-          " mm off a plane, " + Number(rim.roundness) +
-          " times the squared perimeter of a circle of equal area) and too large to be closed (" +
+          " is not an end of a vessel (" + WhyNoEnd(rim) + ") and too large to be closed (" +
           Number(rim.fan_mm2) + " mm^2; at most " + Number(largest_mm2) +
-          "); part of the surface is missing: fill the hole, or cut the vessel perpendicular to "
-          "its axis");
+          "); part of the surface is missing: fill the hole, or " +
+          (rim.radius_mm < kSmallestOpeningMm ? "declare another mesh_unit if the vessel is wider"
+                                              : "cut the vessel perpendicular to its axis"));
     }
     Cap(mesh, loop, rim.center_mm);
     if (rim.is_end) {

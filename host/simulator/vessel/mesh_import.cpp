@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -49,6 +50,16 @@ void Fill(FileDescriptor& file, const std::string& bytes) {
   }
 }
 
+// Hard limit of processor time of this process and its children, s, as of ulimit -t. Infinite
+// without one.
+double ProcessorLimitS() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_CPU, &limit) != 0 || limit.rlim_max == RLIM_INFINITY) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return static_cast<double>(limit.rlim_max);
+}
+
 // Attributes and actions of posix_spawn.
 struct Spawning {
   posix_spawnattr_t attributes;
@@ -89,7 +100,7 @@ class Reading {
   Reading(const Reading&) = delete;
   Reading& operator=(const Reading&) = delete;
 
-  enum class Ending { kAnswered, kCrashed, kTooLong, kTooMuch };
+  enum class Ending { kAnswered, kCrashed, kTooLong, kTooLongByClock, kLimited, kTooMuch };
 
   // Collects its output until it ends or exceeds a limit.
   Ending Wait(std::string& answer) {
@@ -102,7 +113,7 @@ class Reading {
       answer.append(buffer.data(), static_cast<std::size_t>(got));
       if (answer.size() > static_cast<std::size_t>(reader_.answer_bytes)) return Ending::kTooMuch;
     }
-    return Ending::kTooLong;
+    return Ending::kTooLongByClock;
   }
 
  private:
@@ -149,10 +160,16 @@ class Reading {
 
   Ending WaitForEnd() {
     const FileDescriptor process(static_cast<int>(syscall(SYS_pidfd_open, child_, 0)));
-    if (process.number() >= 0 && !WaitFor(process.number())) return Ending::kTooLong;
+    if (process.number() >= 0 && !WaitFor(process.number())) {
+      return Ending::kTooLongByClock;
+    }
     int status = 0;
     if (!Reap(&status)) return Ending::kAnswered;  // the answer itself shows if it is complete
-    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU) return Ending::kTooLong;
+    const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+    // A hard limit may kill at once.
+    const bool limited = ProcessorLimitS() <= std::ceil(reader_.cpu_s);
+    if (limited && (signal == SIGXCPU || signal == SIGKILL)) return Ending::kLimited;
+    if (signal == SIGXCPU) return Ending::kTooLong;
     return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? Ending::kAnswered : Ending::kCrashed;
   }
 
@@ -195,10 +212,19 @@ TriangleMesh ImportMesh(const std::string& contents, const std::string& path, do
   Reading reading(reader, contents, path, mm_per_unit);
   const Reading::Ending ending = reading.Wait(answer);
   if (ending == Reading::Ending::kAnswered) return MeshOfAnswer(answer, path);
-  const std::string what = ending == Reading::Ending::kCrashed ? "crashed"
-                           : ending == Reading::Ending::kTooLong
-                               ? fmt::format("did not end within {:g} s", reader.cpu_s)
-                               : "returned more triangles than the file can hold";
+  using Ending = Reading::Ending;
+  if (ending == Ending::kLimited) {
+    throw UserError(fmt::format(
+        "{}: the surface reader needs more than the {:g} s of processor time that a program may "
+        "take here; raise the limit of processor time (ulimit -t), or give fewer triangles",
+        path, ProcessorLimitS()));
+  }
+  const std::string what =
+      ending == Ending::kCrashed ? "crashed"
+      : ending == Ending::kTooLong
+          ? fmt::format("did not end within {:g} s of processor time", reader.cpu_s)
+      : ending == Ending::kTooLongByClock ? fmt::format("did not end within {:g} s", reader.clock_s)
+                                          : "returned more triangles than the file can hold";
   throw UserError(fmt::format(
       "{}: the surface reader {}; the file is damaged: export it again, preferably as .obj", path,
       what));

@@ -21,13 +21,14 @@
 
 namespace {
 
-// Only a privileged process can raise a limit that holds already.
+// Only a privileged process can raise a limit that holds already. The grace takes no more than half
+// of what is left.
 void Limit(int resource, rlim_t most, rlim_t grace = 0) {
   const auto which = static_cast<__rlimit_resource>(resource);
   rlimit limit{};
   if (getrlimit(which, &limit) != 0) std::exit(1);
   limit.rlim_max = std::min(limit.rlim_max, most + grace);
-  limit.rlim_cur = limit.rlim_max - std::min(limit.rlim_max, grace);
+  limit.rlim_cur = limit.rlim_max - std::min(limit.rlim_max / 2, grace);
   if (setrlimit(which, &limit) != 0) std::exit(1);
 }
 
