@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -28,12 +29,12 @@ constexpr const char* kMarkupsEnding = ".mrk.json";
 }
 
 // Member of an object. A missing one is refused, named by its place in the file.
-const json& Member(const std::string& path, const json& object, const std::string& where,
+const json& Member(const std::string& path, const json& object, std::string_view where,
                    const char* name) {
   const auto found = object.is_object() ? object.find(name) : object.end();
   if (!object.is_object() || found == object.end()) {
-    RefuseFile(path,
-               "field " + where + name + " is missing; save the curve as Markups from 3D Slicer");
+    RefuseFile(path, "field " + std::string(where) + name +
+                         " is missing; save the curve as Markups from 3D Slicer");
   }
   return *found;
 }

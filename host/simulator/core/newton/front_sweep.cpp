@@ -1,6 +1,7 @@
 #include "host/simulator/core/newton/front_sweep.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cassert>
 #include <cstring>
@@ -23,6 +24,19 @@ bool AnyTwist(const std::vector<const WireModel*>& rods) {
   return std::any_of(rods.begin(), rods.end(),
                      [](const WireModel* rod) { return rod->spins() > 0; });
 }
+
+// Spins of each curve, first row of its slot, and behind these the number of all rows. GCC 14
+// cannot compile local constants in the lambdas that use these.
+template <int... kSpins>
+struct Slots {
+  static constexpr int kCurves = sizeof...(kSpins);
+  static constexpr std::array<int, kCurves> kSpinsOf = {kSpins...};
+  static constexpr std::array<int, kCurves + 1> kAt = [] {
+    std::array<int, kCurves + 1> starts{};
+    for (int c = 0; c < kCurves; ++c) starts[c + 1] = starts[c] + SlotRows(kSpinsOf[c]);
+    return starts;
+  }();
+};
 
 }  // namespace
 
@@ -184,23 +198,16 @@ SideRows FrontSweep::RowsOf(int curve, int surface) const {
 // `kSpins`: of each curve.
 template <int... kSpins>
 bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
-  constexpr int kCurves = sizeof...(kSpins);
-  constexpr std::array<int, kCurves> kSpinsOf = {kSpins...};
-  constexpr auto kAt = [](int curve) {
-    constexpr std::array<int, kCurves> kOf = {kSpins...};
-    int at = 0;
-    for (int c = 0; c < curve; ++c) at += SlotRows(kOf[c]);
-    return at;
-  };
-  using AnyFront = Front<kAt(kCurves)>;
+  using Of = Slots<kSpins...>;
+  using AnyFront = Front<Of::kAt[Of::kCurves]>;
   static_assert(std::is_trivially_copyable_v<AnyFront> && sizeof(AnyFront) <= sizeof(Checkpoint));
   AnyFront front;
-  constexpr auto kEach = std::make_integer_sequence<int, kCurves>();
+  constexpr auto kEach = std::make_integer_sequence<int, Of::kCurves>();
   const auto begin = [&]<int... c>(std::integer_sequence<int, c...> /*curves*/) {
     return ([&] {
-      Front<SlotRows(kSpinsOf[c])> beyond;
-      if (!SweepAlone<kSpinsOf[c]>(c, beyond)) return false;
-      front.template Take<c, kAt(c)>(beyond);
+      Front<SlotRows(Of::kSpinsOf[c])> beyond;
+      if (!SweepAlone<Of::kSpinsOf[c]>(c, beyond)) return false;
+      front.template Take<c, Of::kAt[c]>(beyond);
       return true;
     }() && ...);
   };
@@ -208,7 +215,7 @@ bool FrontSweep::SweepSlots(const QuadraticModel& quadratic, int first) {
                                      const FrontOperation& operation) {
     bool definite = true;
     ((operation.curve == c
-          ? static_cast<void>(definite = Advance<c, kAt(c), kSpinsOf[c]>(operation, front))
+          ? static_cast<void>(definite = Advance<c, Of::kAt[c], Of::kSpinsOf[c]>(operation, front))
           : static_cast<void>(0)),
      ...);
     return definite;
