@@ -18,7 +18,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::Command;
 using torquer::Scene;
 using torquer::Simulation;

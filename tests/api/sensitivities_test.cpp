@@ -14,7 +14,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::Command;
 using torquer::Point;
 using torquer::Scene;

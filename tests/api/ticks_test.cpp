@@ -21,7 +21,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::Command;
 using torquer::Imaging;
 using torquer::Scene;

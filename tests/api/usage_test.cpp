@@ -11,7 +11,7 @@
 
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::Command;
 using torquer::Scene;
 using torquer::Simulation;

@@ -13,7 +13,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::Scene;
 using torquer::Values;
 

@@ -13,7 +13,7 @@
 namespace torquer::calibration {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 FocusPicture Draw(const std::function<double(int row, int column)>& brightness) {
   FocusPicture picture;

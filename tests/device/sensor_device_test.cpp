@@ -13,7 +13,7 @@
 namespace torquer::device {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using emulator::Bench;
 using emulator::TestSrom;
 using emulator::TransferStatus;

@@ -5,7 +5,7 @@
 #include "host/support/error.h"
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 namespace torquer::test {
 namespace {

@@ -19,7 +19,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::test::CaterinaResponder;
 using torquer::tools::AvrdudeOptions;
 using torquer::tools::FlashByCaterina;

@@ -10,7 +10,7 @@
 namespace {
 
 using namespace torquer::tools;
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::UserError;
 namespace protocol = torquer::protocol;
 

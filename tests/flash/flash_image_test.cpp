@@ -15,7 +15,7 @@ using torquer::test::Contents;
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::UserError;
 using torquer::tools::FlashImage;
 namespace protocol = torquer::protocol;

@@ -7,7 +7,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::UserError;
 using torquer::emulator::BenchOptions;
 using torquer::emulator::ControlResult;

@@ -13,7 +13,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::emulator::UmockdevBench;
 using torquer::test::BenchDevice;
 using torquer::test::BenchOptions;

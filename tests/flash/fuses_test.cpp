@@ -13,7 +13,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::UserError;
 using torquer::test::TemporaryFolder;
 using torquer::tools::AvrdudeOptions;

@@ -11,7 +11,7 @@
 namespace torquer::test {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using emulator::TestSrom;
 using tools::FlashHooks;
 using tools::FlashProcedure;

@@ -19,7 +19,7 @@
 #include "tests/support/file_contents.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::AtomicFile;
 using torquer::UserError;
 using torquer::WriteFileAtomically;

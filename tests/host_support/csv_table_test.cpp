@@ -8,7 +8,7 @@
 
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 namespace {
 

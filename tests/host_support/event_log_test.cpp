@@ -15,7 +15,7 @@
 #include "tests/support/sanitizer.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::ElapsedUs;
 using torquer::EventLogReader;
 using torquer::LogDamage;

@@ -14,7 +14,7 @@
 #include "host/support/event_log.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::EventLogReader;
 using torquer::EventLogWriter;
 using torquer::LogRecord;

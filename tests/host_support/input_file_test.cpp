@@ -9,7 +9,7 @@
 #include "host/support/error.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::ReadInputFile;
 using torquer::test::TemporaryFolder;
 

@@ -10,7 +10,7 @@
 #include "host/support/event_log_writer.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::EventLogReader;
 using torquer::EventLogWriter;
 using torquer::LogInput;

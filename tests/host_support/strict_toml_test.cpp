@@ -4,7 +4,7 @@
 
 #include "host/support/error.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::StrictTable;
 using torquer::UserError;
 

@@ -15,8 +15,8 @@
 #include "tests/support/temporary_folder.h"
 #include "torquer_version.h"
 
-using Catch::Matchers::Contains;
-using Catch::Matchers::StartsWith;
+using Catch::Contains;
+using Catch::StartsWith;
 using torquer::test::ChildProcess;
 using torquer::test::Programs;
 using torquer::test::Words;

@@ -18,7 +18,7 @@
 #include "tests/support/paths.h"
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::test::ChildProcess;
 using torquer::test::Contents;
 using torquer::test::Words;

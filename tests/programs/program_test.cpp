@@ -16,9 +16,9 @@
 
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
-using Catch::Matchers::EndsWith;
-using Catch::Matchers::StartsWith;
+using Catch::Contains;
+using Catch::EndsWith;
+using Catch::StartsWith;
 using torquer::Options;
 using torquer::Program;
 using torquer::UsageError;

@@ -18,7 +18,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 enum class Stream { kGood, kClosed, kFull, kLimited, kWrongWay };
 const std::map<Stream, std::string> kNames = {{Stream::kGood, "good"},

@@ -13,8 +13,8 @@
 
 using namespace torquer;
 using namespace torquer::test;
-using Catch::Matchers::Contains;
-using Catch::Matchers::StartsWith;
+using Catch::Contains;
+using Catch::StartsWith;
 
 TEST_CASE("A damaged log becomes a clip, with status 1 and a list of the missing pictures") {
   const TemporaryFolder folder;

@@ -18,7 +18,7 @@
 
 using namespace torquer;
 using namespace torquer::test;
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 TEST_CASE("A clip shows each picture for its time, with the text of the screen") {
   const bool mp4 = GENERATE(true, false);

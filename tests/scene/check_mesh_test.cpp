@@ -12,7 +12,7 @@
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::test::ChildProcess;
 using torquer::test::Contents;
 using torquer::test::TemporaryFolder;

@@ -12,7 +12,7 @@
 #include "host/support/error.h"
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using torquer::test::SceneText;

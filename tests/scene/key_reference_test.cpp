@@ -16,7 +16,7 @@
 #include "host/simulator/vessel/vessel.h"
 #include "tests/support/paths.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using nlohmann::json;
 using namespace torquer::scene;
 

@@ -18,7 +18,7 @@
 #include "tests/support/sanitizer.h"
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::Key;
 using torquer::KeyTable;
 using namespace torquer::scene;

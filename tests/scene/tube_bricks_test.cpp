@@ -13,7 +13,7 @@
 
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::ClearanceSample;
 using torquer::scene::Scene;
 using torquer::vessel::Vessel;

@@ -16,7 +16,7 @@
 #include "tests/support/sanitizer.h"
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::simulator::Command;
 using torquer::simulator::Simulation;
 using torquer::test::SceneFile;

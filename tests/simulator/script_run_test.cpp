@@ -14,7 +14,7 @@
 #include "tests/support/private_network.h"
 #include "tests/support/scenes.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::test::ChildProcess;
 using torquer::test::SceneFile;
 

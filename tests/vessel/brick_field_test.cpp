@@ -15,7 +15,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 

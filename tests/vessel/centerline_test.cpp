@@ -18,7 +18,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::Vector3d;
 using test::TemporaryFolder;
 

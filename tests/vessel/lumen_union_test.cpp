@@ -356,7 +356,7 @@ TriangleMesh RandomHeap(int32_t bodies, double cube_mm, double body_mm) {
 TEST_CASE("a heap of bodies that cross nearly everywhere is refused before it is united") {
   // Dividing the first heap took a minute, uniting the second 25 s.
   for (const TriangleMesh& heap : {RandomHeap(1500, 30, 3), RandomHeap(750, 60, 7)}) {
-    CHECK_THROWS_WITH(RepairSurface(heap, "x"), Catch::Matchers::Contains("nearly everywhere"));
+    CHECK_THROWS_WITH(RepairSurface(heap, "x"), Catch::Contains("nearly everywhere"));
   }
 }
 

@@ -14,7 +14,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 MeshCheck CheckOf(const TriangleMesh& mesh, double units_per_mm = 1) {
   const test::TemporaryFolder folder;

@@ -25,7 +25,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using test::TemporaryFolder;
 
 // Error message of a refusal; "" if nothing is refused.

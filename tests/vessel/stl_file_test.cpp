@@ -16,7 +16,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 
 std::string AsText(const TriangleMesh& mesh, size_t triangles_per_solid) {
   std::string text;

@@ -11,7 +11,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::Vector3d;
 
 Tube TaperedBend() {

@@ -13,7 +13,7 @@
 #include "tests/support/scenes.h"
 #include "tests/viewer/recorded_message.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::EventLogWriter;
 using torquer::test::Write;
 using torquer::viewer::HashCheck;

@@ -18,7 +18,7 @@
 #include "tests/support/temporary_folder.h"
 #include "tests/viewer/recorded_message.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::EventLogWriter;
 using torquer::test::kBeginUs;
 using torquer::test::TemporaryFolder;

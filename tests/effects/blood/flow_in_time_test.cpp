@@ -7,7 +7,7 @@
 #include "host/simulator/simulation.h"
 #include "tests/effects/vascular_scene.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::effects::AnnulusInverseFourthPower;
 using torquer::effects::Flow;
 using torquer::effects::FlowEnd;

@@ -7,7 +7,7 @@
 #include "tests/effects/vascular_scene.h"
 #include "tests/support/paths.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::effects::Flow;
 using torquer::effects::FlowEdge;
 using torquer::effects::FlowGraph;

@@ -9,7 +9,7 @@
 #include "tests/effects/vascular_scene.h"
 #include "tests/support/wires.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::effects::Contrast;
 using torquer::effects::ContrastSettings;
 using torquer::effects::Flow;

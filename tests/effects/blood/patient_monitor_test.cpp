@@ -10,7 +10,7 @@
 #include "host/simulator/vessel/moving_field.h"
 #include "tests/effects/vascular_scene.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::effects::EcgAt;
 using torquer::effects::VitalSigns;
 using torquer::simulator::Command;

@@ -15,7 +15,7 @@
 #include "tests/support/ct_phantom.h"
 #include "tests/support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::Vector3d;
 using torquer::effects::CtVolume;
 using torquer::effects::Fluoroscopy;

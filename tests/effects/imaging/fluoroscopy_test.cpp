@@ -9,7 +9,7 @@
 #include "host/support/angles.h"
 #include "tests/effects/vascular_scene.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::Vector3d;
 using torquer::kRadPerDeg;
 using torquer::effects::AddWire;

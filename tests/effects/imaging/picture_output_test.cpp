@@ -21,7 +21,7 @@
 #include "tests/effects/vascular_scene.h"
 #include "tests/support/private_network.h"
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using torquer::effects::ImageSource;
 using torquer::simulator::JpegEncoder;
 using torquer::simulator::kMostPictureBytes;
