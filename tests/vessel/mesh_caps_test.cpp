@@ -10,7 +10,7 @@
 namespace torquer::vessel {
 namespace {
 
-using Catch::Matchers::Contains;
+using Catch::Contains;
 using Eigen::Vector3d;
 
 TEST_CASE("a hole is refused with the measure by which it is no end of a vessel") {
