@@ -20,9 +20,8 @@ class RotatingLog {
 
   /// Creates the file `path`. A part that reaches `part_bytes` is followed by another
   /// (host/support/log_parts.h); 0: one part. Only the newest `keep` parts with records stay; 0:
-  /// all. Throws
-  /// UserError if the log or a part of it already exists, or if the file cannot be created. It also
-  /// throws if the disk has less than kLeastFreeBytes free.
+  /// all. Throws UserError if the log or a part of it already exists, or if the file cannot be
+  /// created. It also throws if the disk has less than kLeastFreeBytes free.
   RotatingLog(const std::string& path, std::int64_t part_bytes, int keep);
 
   /// See EventLogWriter.

@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <vector>
 
 #include "catch2/catch.hpp"
+#include "host/simulator/vessel/brick_field.h"
 #include "host/simulator/vessel/surface_mesh.h"
 #include "tests/support/made_meshes.h"
 #include "tests/vessel/field_checks.h"
@@ -114,6 +117,27 @@ TEST_CASE("a grid of samples is what single look-ups give, to the bit, as far as
     }
   }
   CHECK(replaced > 1000);
+}
+
+TEST_CASE("the bricks of a surface are those of its single look-ups, to the bit") {
+  const auto surface = std::make_shared<const TriangleBvh>(Bottle());
+  Eigen::AlignedBox3d bounds_mm;
+  for (const Vector3d& vertex : surface->mesh().vertices_mm) bounds_mm.extend(vertex);
+  BrickFieldOptions options;
+  options.voxel_mm = 1;
+  options.margin_mm = 20;
+  const auto checksums = [](const BrickField& field) {
+    CHECK(field.Build(0, 1));
+    std::vector<uint64_t> sums;
+    for (const StoredBrick& brick : field.StoredBricks()) sums.push_back(brick.Checksum());
+    std::sort(sums.begin(), sums.end());
+    return sums;
+  };
+  const auto single = BrickField::FromFunction(
+      [&](const Vector3d& p) { return surface->Distance(p); }, bounds_mm, options);
+  const auto sums = checksums(BrickField(surface, bounds_mm, options));
+  CHECK(sums.size() > 20);
+  CHECK(sums == checksums(*single));
 }
 
 TEST_CASE("rays hit the nearest face") {
