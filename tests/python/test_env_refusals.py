@@ -1,6 +1,9 @@
 """Environments refuse the same steps alone and in a vector, and report if a result is unknown."""
 
+import copy
 import math
+import os
+import pickle
 
 import numpy as np
 import pytest
@@ -101,3 +104,41 @@ def test_a_reset_mask_resets_only_the_chosen_environments():
     every, _ = many.reset()
     expected, _ = twin.reset()
     assert np.array_equal(every[[0, 2]], expected[[0, 2]])
+
+
+def calls_of(env, many):
+    """Calls that a closed environment refuses."""
+    yield from (env.reset, env.render, lambda: env.step([0.0, 0.0]), lambda: env.step("none"))
+    yield from (many.reset, many.recv, lambda: many.send([[0.0, 0.0]] * 2), lambda: many.step([[0.0, 0.0]] * 2))
+    yield lambda: many.send([], [])
+
+
+def test_single_and_vector_refuse_calls_after_close():
+    env = torquer.envs.make("ty_phantom", render_mode="rgb_array")
+    many = torquer.envs.make_vec("ty_phantom", 2, threads=2)
+    never = torquer.envs.make_vec("ty_phantom", 2)
+    never.close()
+    env.reset(seed=1)
+    many.reset(seed=1)
+    env.step([0.5, 0.0])
+    many.send([[0.5, 0.0]] * 2)  # at work while it is closed
+    for one in (env, many):
+        one.close()
+        one.close()
+    # A copy of a closed environment is closed too.
+    for two in ((env, many), (env, never), copy.deepcopy((env, many)), pickle.loads(pickle.dumps((env, many)))):
+        for call in calls_of(*two):
+            with pytest.raises(torquer.envs.ClosedEnvironmentError, match=r"\(\) of an environment after close"):
+                call()
+        for one in two:
+            one.close()
+    assert issubclass(torquer.envs.ClosedEnvironmentError, torquer.Error)
+    assert env.simulation.time_s == pytest.approx(0.2) and env.action_space.shape == (2,)
+
+
+def test_a_closed_vector_has_no_threads():
+    before = len(os.listdir("/proc/self/task"))
+    many = torquer.envs.make_vec("ty_phantom", 3, threads=3)
+    assert len(os.listdir("/proc/self/task")) == before + 3
+    many.close()
+    assert len(os.listdir("/proc/self/task")) == before

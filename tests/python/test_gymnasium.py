@@ -21,6 +21,9 @@ class Env:
         self._np_random = np.random.default_rng(seed)
 
 class VectorEnv:
+    closed = False
+
+class ClosedEnvironmentError(Exception):
     pass
 
 class Box:
@@ -30,6 +33,7 @@ class Box:
         self.low = np.broadcast_to(np.asarray(low, dtype), self.shape)
         self.high = np.broadcast_to(np.asarray(high, dtype), self.shape)
 
+error = types.SimpleNamespace(ClosedEnvironmentError=ClosedEnvironmentError)
 vector = types.SimpleNamespace(VectorEnv=VectorEnv)
 spaces = types.SimpleNamespace(Box=Box, Dict=dict)
 registry = {}
@@ -62,6 +66,13 @@ for id, keys in gymnasium.registry.items():
         many = made["vector_entry_point"](**given, task=task, num_envs=2)
         assert many.task.max_steps == 7 and many.num_envs == 2
         ids[id].append(isinstance(many, gymnasium.vector.VectorEnv))
+        many.close()
+        try:
+            many.reset()
+        except gymnasium.error.ClosedEnvironmentError as error:
+            assert isinstance(error, torquer.Error)
+        else:
+            raise AssertionError("a closed vector has begun")
 torquer.envs.register()
 print(json.dumps(ids))
 """

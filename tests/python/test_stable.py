@@ -91,6 +91,9 @@ def test_options_attributes_and_refusals(stable):
     with pytest.raises(AttributeError):
         env.get_attr("nothing")
     env.close()
+    for call in (env.reset, lambda: env.step_async(np.zeros((2, 2)))):
+        with pytest.raises(torquer.envs.ClosedEnvironmentError):
+            call()
 
 
 def test_pictures_and_vectors_in_a_dict(stable):

@@ -7,8 +7,12 @@ from typing import Any, Dict, Optional, Tuple
 import numpy as np
 import numpy.typing as npt
 
+from . import Error
+
 try:
     import gymnasium as gymnasium  # type: ignore[import]
+
+    _ClosedBase: Any = gymnasium.error.ClosedEnvironmentError
 
     Env: Any = gymnasium.Env
     VectorEnv: Any = gymnasium.vector.VectorEnv
@@ -69,3 +73,14 @@ except ImportError:
     VectorEnv = object
     Box = _PlainBox
     DictSpace = _PlainDict
+    _ClosedBase = Exception
+
+
+class ClosedEnvironmentError(Error, _ClosedBase):  # type: ignore[misc]
+    """A call of an environment after close(). With Gymnasium it is also Gymnasium's error of this name."""
+
+
+def refuse_closed(is_closed: bool, call: str) -> None:
+    """Refuses a call of a closed environment."""
+    if is_closed:
+        raise ClosedEnvironmentError(f"{call}() of an environment after close(); make another environment")

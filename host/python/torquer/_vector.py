@@ -30,7 +30,7 @@ from ._navigation import (
     start_rotation,
     whole,
 )
-from ._spaces import Box, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium
+from ._spaces import Box, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium, refuse_closed
 from ._torquer import FACTS, NavigationPool
 
 Array = npt.NDArray[Any]
@@ -50,6 +50,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
     metadata = {"render_modes": [], "autoreset_mode": "NextStep"}
     render_mode = None
     spec = None
+    closed = False
 
     def __init__(
         self,
@@ -132,7 +133,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             "memory": {name: getattr(self, name) for name in self._MEMORY},
             "facts": self._facts,
             "observations": self._observations,
-            "environments": [self._pool.save(k) for k in range(self.num_envs)],
+            "environments": [] if self.closed else [self._pool.save(k) for k in range(self.num_envs)],
+            "closed": self.closed,
         }
 
     def __setstate__(self, state: Dict[str, Any]) -> None:
@@ -144,6 +146,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         self._facts[:] = state["facts"]
         for part, values in state["observations"].items():
             self._observations[part][:] = values
+        if state["closed"]:
+            self.close()
 
     def reset(
         self,
@@ -155,6 +159,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         each.
         options: as in NavigationEnv.reset; and "reset_mask", an array of booleans: only those
         environments return to the start."""
+        refuse_closed(self.closed, "reset")
         if self._at_work.any():
             raise Error("environments are running; call recv() before reset()")
         seeds: Sequence[Optional[int]]
@@ -195,12 +200,14 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
 
     def step(self, actions: npt.ArrayLike) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
         """Moves the hands of all for Task.step_s."""
+        refuse_closed(self.closed, "step")
         self.send(actions)
         return self.recv()
 
     def send(self, actions: npt.ArrayLike, ids: Optional[npt.ArrayLike] = None) -> None:
         """Starts a step of the environments `ids`, or of all, and returns at once. Before the first
         reset() this is an error."""
+        refuse_closed(self.closed, "send")
         try:
             which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
         except (TypeError, ValueError) as error:
@@ -226,6 +233,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         """Results of the `count` environments that finish first, or of all that are at work. They are observations,
         rewards, terminated, truncated and info, in the order of info["env_id"]. If an environment fails, this waits for
         all, and raises the error."""
+        refuse_closed(self.closed, "recv")
         if not self._at_work.any():
             raise Error("no environment is running; call send() with actions first")
         if count is not None:
@@ -269,9 +277,12 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         return observations, rewards, terminated, truncated, info
 
     def close(self, **_: Any) -> None:
-        """Waits for those at work. Gymnasium calls it also for an object that could not be made."""
+        """Waits for those at work, and ends the threads. After it, reset(), step(), send() and recv() raise
+        ClosedEnvironmentError. Another close() has no effect."""
+        # Gymnasium calls this also for an object that could not be made.
         if hasattr(self, "_pool"):
             self._wait_for_all()
+            del self._pool
         self.closed = True
 
     def _wait_for_all(self) -> None:

@@ -41,7 +41,7 @@ from ._navigation import (
     task_of,
 )
 from ._render import Window, WireView
-from ._spaces import Box, Env, gymnasium as gymnasium
+from ._spaces import Box, ClosedEnvironmentError as ClosedEnvironmentError, Env, gymnasium as gymnasium, refuse_closed
 from ._vector import VectorEnv as VectorEnv
 
 Array = npt.NDArray[Any]
@@ -99,6 +99,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
         self.render_mode = render_mode
         self.reward = reward
         self.end = end
+        self._closed = False
         self._parts = prepared.parts
         self._is_dict = prepared.is_dict
         self._enter(prepared)
@@ -132,7 +133,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
 
     def __setstate__(self, state: Dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._window = Window(self.scene.name) if self.render_mode == "human" else None
+        self._window = Window(self.scene.name) if self.render_mode == "human" and not self._closed else None
 
     @property
     def scene(self) -> Scene:
@@ -150,6 +151,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
         """Returns to the start. Options are "rotation_rad", the start rotation of the task's instrument, and "target".
         A target is a pair of a centerline and at_mm from the task's targets. Without them, both are random, by the
         seed."""
+        refuse_closed(self._closed, "reset")
         options = check_options(options, ["rotation_rad", "target"])
         chosen = chosen_rotation(options)
         chosen_target = self._targets.chosen(options)
@@ -170,6 +172,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
 
     def step(self, action: npt.ArrayLike) -> Tuple[Any, float, bool, bool, Dict[str, Any]]:
         """Moves the hands for Task.step_s. Before a reset, and after the end, this is an error."""
+        refuse_closed(self._closed, "step")
         if self._ended:
             raise Error("the episode has ended; call reset() before step()")
         self._navigation.step(action_values(action, self.action_space.shape, "the action is"))
@@ -183,15 +186,18 @@ class NavigationEnv(Env):  # type: ignore[misc]
     def render(self) -> Optional[Array]:
         """With render_mode "rgb_array": the X-ray picture as RGB, shape (height, width, 3). If the scene has no X-ray,
         it is a view of the wire in the vessel. Mode "human" shows it at each step."""
+        refuse_closed(self._closed, "render")
         return self._draw() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Closes the window of render_mode "human"."""
+        """Closes the environment, and the window of render_mode "human". After it, reset(), step() and render() raise
+        ClosedEnvironmentError. Another close() has no effect."""
         # Gymnasium calls this also for an object that could not be made.
         window: Optional[Window] = getattr(self, "_window", None)
         if window is not None:
             window.close()
         self._window = None
+        self._closed = True
 
     def _draw(self) -> Array:
         if self._view is not None:

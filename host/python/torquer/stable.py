@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from . import Error, Scene
 from ._navigation import End, Observation, Reward, Task
+from ._spaces import refuse_closed
 from ._vector import VectorEnv
 
 try:
@@ -77,6 +78,7 @@ class StableVecEnv(VecEnv):  # type: ignore[misc]
         self._chosen_options = options
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
+        refuse_closed(self.vector.closed, "step_async")
         self._actions = np.asarray(actions)
 
     def step_wait(self) -> Tuple[Any, npt.NDArray[np.float32], npt.NDArray[np.bool_], List[Dict[str, Any]]]:
