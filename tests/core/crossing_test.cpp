@@ -152,7 +152,6 @@ TEST_CASE("A wire that crosses another one again and again is paired with it eac
   curves.rods.Combine(poses);
   curves.state = WireState::Along(curves.model, way, poses);
   LayCurves(curves.rods, curves.state);
-  for (int c = 0; c < 2; ++c) curves.mechanics.points(c).UpdateRadii();
   curves.state.curve(1) = [&] {
     WireState straight = WireState::Along(curves.rods[1], {}, {40, 0});
     return Curve(straight);

@@ -1,9 +1,11 @@
 // Friction between nested instruments that twist.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <vector>
 
 #include "host/simulator/effects/contact/friction.h"
 #include "host/simulator/effects/contact/friction_between.h"
+#include "tests/support/analytic_fields.h"
 #include "tests/support/pulled_wire.h"
 #include "tests/support/twisted_stack.h"
 
@@ -32,6 +34,44 @@ TEST_CASE("A surface that reaches a point of another surface has not rolled ther
   points.instruments.behind_mm[1] = stack.at.points.instruments.behind_mm[1];
   for (auto& turns : points.instruments.angles_rad) turns[1] += 0.1;
   CHECK(energy_mJ() > 1e-6);
+}
+
+// A wire and a catheter, straight along the wall of a straight tube. Only the catheter touches. So
+// only its motion feels friction. Beyond the slip length the energy is mu N (|s| - 3/8 d).
+TEST_CASE("Friction holds the instrument that presses, wherever its tip is in a segment") {
+  constexpr double kMu = 0.3;
+  constexpr double kSlipMm = 0.01;
+  constexpr double kWallPerMm = 2;  // N/mm^2
+  const double tip_mm = GENERATE(10.0, 10.05, 10.1, 10.2, 10.3, 10.4, 10.6, 10.9);
+  const int points = GENERATE(1, 2);
+  CAPTURE(tip_mm, points);
+  const Cylinder tube(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 3);
+  const Sheath sheath{Vector3d(0, 2.7, 0), Vector3d::UnitX()};  // 0.3 mm from the wall
+  const WallModel wall{.stiffness_N_mm2 = kWallPerMm, .points_per_segment = points};
+  const InstrumentStack stack(
+      {MakeWire({.radius_mm = 0.2, .max_length_mm = 40, .sheath = sheath}),
+       MakeWire({.radius_mm = 0.5, .max_length_mm = 40, .sheath = sheath})});
+  effects::EffectContext context{stack.empty_rod(), wall};
+  context.instruments.resize(2);
+  effects::Friction friction(kMu, kSlipMm, context);
+  const std::vector<EnergyTerm*> terms{&friction};
+  CombinedRods rods(stack);
+  WireMechanics mechanics(rods, tube, wall, terms);
+  QuadraticModel at = mechanics.MakeQuadraticModel();
+  const auto go = [&](double wire_mm, double catheter_mm) {
+    const InstrumentPoses poses{{wire_mm, 0}, {catheter_mm, 0}};
+    rods.Combine(poses);
+    mechanics.BuildModel(WireState::Along(rods[0], {}, poses), at);
+    return at.dissipated_mJ;
+  };
+  go(20, tip_mm);
+  const double pressed_N = kWallPerMm * 0.2 * (tip_mm - at.points.first_spacing_mm / 2);
+  friction.End(at.points);
+  friction.Begin(at.points);
+  CHECK(go(20.7, tip_mm) < 1e-12);
+  const double moved_mm = 0.04;
+  CHECK(go(20, tip_mm + moved_mm) ==
+        Approx(kMu * pressed_N * (moved_mm - 3.0 / 8 * kSlipMm)).epsilon(1e-6));
 }
 
 // Closed form of a torque lag. A wire drawn round the bend with the force F presses with F/R per

@@ -1,5 +1,9 @@
 // Nested instruments, compared with closed forms.
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
+#include <random>
+#include <vector>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/stack/instrument_stack.h"
@@ -143,6 +147,55 @@ TEST_CASE("The wall sees the outermost instrument that is there") {
   CHECK(rod.radius_mm(0) == 0.6);
   CHECK(rod.rigidity_N_mm2(0) == 3);
   CHECK(rod.rigidity_N_mm2(39) == Approx(5));
+}
+
+TEST_CASE("Each instrument at the wall presses by its own length, wherever the tips are") {
+  constexpr std::array<double, 3> kRadiusMm = {0.2, 0.5, 0.8};
+  constexpr double kPerMm = 2;  // N/mm^2
+  const double clearance_mm = GENERATE(0.1, 0.3, 0.6, 0.9);
+  const int points = GENERATE(1, 2, 3);
+  // Straight instruments along the wall of a straight tube.
+  const Cylinder tube(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 3);
+  const Sheath sheath{Vector3d(0, 3 - clearance_mm, 0), Vector3d::UnitX()};
+  const WallModel wall{.stiffness_N_mm2 = kPerMm, .points_per_segment = points};
+  std::vector<WireModel> instruments;
+  for (const double radius_mm : kRadiusMm) {
+    instruments.push_back(
+        MakeWire({.radius_mm = radius_mm, .max_length_mm = 40, .sheath = sheath}));
+  }
+  const InstrumentStack stack(instruments);
+  CombinedRods rods(stack);
+  const std::vector<EnergyTerm*> none;
+  WireMechanics mechanics(rods, tube, wall, none);
+  QuadraticModel at = mechanics.MakeQuadraticModel();
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> insertion(3, 20);
+  for (int round = 0; round < 60; ++round) {
+    InstrumentPoses poses(3);
+    for (int k = 0; k < 3; ++k) poses[k].insertion_mm = insertion(random);
+    // Tips of one half of the rounds share a segment, or the piece of a contact point.
+    if (round % 2 == 0) poses[1].insertion_mm = poses[0].insertion_mm - 0.1 * (round % 8);
+    if (round % 3 == 0) poses[2].insertion_mm = poses[1].insertion_mm - 0.1;
+    CAPTURE(clearance_mm, points, poses[0].insertion_mm, poses[1].insertion_mm,
+            poses[2].insertion_mm);
+    rods.Combine(poses);
+    const WireState state = WireState::Along(rods[0], {}, poses);
+    mechanics.BuildModel(state, at);
+    double energy_mJ = 0;
+    double force_N = 0;
+    double begin_mm = at.points.first_spacing_mm / 2;  // the sheath has the first half piece
+    for (int k = 2; k >= 0; --k) {
+      const double length_mm = std::max(0.0, poses[k].insertion_mm - begin_mm);
+      const double depth_mm = std::max(0.0, kRadiusMm[k] - clearance_mm);
+      energy_mJ += kPerMm * length_mm * depth_mm * depth_mm / 2;
+      force_N += kPerMm * length_mm * depth_mm;
+      begin_mm += length_mm;
+    }
+    CHECK(at.energy_mJ == Approx(energy_mJ).epsilon(1e-9).margin(1e-12));
+    double pressed_N = 0;
+    for (const WallSpring& spring : at.springs) pressed_N += spring.ContactForceN();
+    CHECK(pressed_N == Approx(force_N).epsilon(1e-9).margin(1e-12));
+  }
 }
 
 // Records how surfaces slid.

@@ -58,7 +58,7 @@ double Residual(const std::vector<WireModel>& instruments, const ClearanceField&
   CombinedRods rods(stack);
   rods.Combine(state.poses());
   const std::vector<EnergyTerm*> none;
-  WireMechanics mechanics(rods[0], field, wall, none);
+  WireMechanics mechanics(rods, field, wall, none);
   mechanics.points().SampleStiffness(state);
   QuadraticModel at = mechanics.MakeQuadraticModel();
   mechanics.BuildModel(state, at);

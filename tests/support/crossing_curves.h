@@ -41,7 +41,6 @@ inline void BuildNear(DenseCurves& curves, unsigned seed) {
   std::uniform_real_distribution<double> turn(-0.01, 0.01);
   Eigen::VectorXd x(curves.unknowns());
   for (double& component : x) component = turn(random);
-  for (int c = 0; c < curves.stack.curves(); ++c) curves.mechanics.points(c).UpdateRadii();
   curves.state = curves.Stepped(x);
   curves.Build();
 }

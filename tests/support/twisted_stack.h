@@ -59,7 +59,7 @@ struct TwistedStack {
   BetweenSpring between{4};
   std::vector<EnergyTerm*> terms{&force, &roll, &between};
   WireState state{model, stack.size()};
-  WireMechanics mechanics{model, field, wall, terms};
+  WireMechanics mechanics{rods, field, wall, terms};
   QuadraticModel at = mechanics.MakeQuadraticModel();
   // Model of a trial state. A new one for each energy takes most of the time of a dense Hessian.
   QuadraticModel trial = mechanics.MakeQuadraticModel();
@@ -85,7 +85,6 @@ struct TwistedStack {
     InstrumentPoses poses(count);
     for (int k = 0; k < count; ++k) poses[k] = all[k];
     rods.Combine(poses);
-    mechanics.points().UpdateRadii();
     state = WireState::Along(model, arc, poses);
     Shake(model, 0.03, random, state);
     std::uniform_real_distribution<double> spin(-0.3, 0.3);

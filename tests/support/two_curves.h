@@ -71,7 +71,6 @@ struct TwoCurves : TorusWall, DenseCurves {
     state = WireState::Along(model, arc, poses);
     LayCurves(rods, state);
     for (int c = 0; c < stack.curves(); ++c) {
-      mechanics.points(c).UpdateRadii();
       std::mt19937 alike(seed);  // all curves are shaken alike, so that they stay near each other
       Shake(rods[c], 0.03, alike, state.curve(c));
     }

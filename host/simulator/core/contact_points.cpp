@@ -1,6 +1,9 @@
 #include "host/simulator/core/contact_points.h"
 
 #include <algorithm>
+#include <array>
+
+#include "host/simulator/core/wire_sections.h"
 
 namespace torquer {
 
@@ -17,8 +20,6 @@ ContactPoints::ContactPoints(const WireModel& model, const ClearanceField& field
       last_(static_cast<std::size_t>(model.max_segments() + 1) *
             static_cast<std::size_t>(wall.points_per_segment)) {
   Forget();
-  radius_mm_.resize(model.max_segments() + 1);
-  UpdateRadii();
   if (wall.stiffness_field != nullptr) stiffness_N_mm2_.assign(last_.size(), wall.stiffness_N_mm2);
 }
 
@@ -26,22 +27,8 @@ void ContactPoints::Forget() {
   for (Lookup& look : last_) look.free_mm = -1;
 }
 
-void ContactPoints::UpdateRadii() {
-  const int per_segment = wall_.points_per_segment;
-  for (std::size_t j = 0; j < radius_mm_.size(); ++j) {
-    const double radius_mm = model_.radius_mm(static_cast<int>(j));
-    const double grown_mm = radius_mm - radius_mm_[j];
-    radius_mm_[j] = radius_mm;
-    if (grown_mm <= 0) continue;
-    for (std::size_t q = j * per_segment; q < (j + 1) * per_segment; ++q) {
-      last_[q].free_mm -= grown_mm / lipschitz_;
-    }
-  }
-}
-
 void ContactPoints::CopyFrom(const ContactPoints& twin) {
   last_ = twin.last_;
-  radius_mm_ = twin.radius_mm_;
   stiffness_N_mm2_ = twin.stiffness_N_mm2_;
   stiffness_travel_mm_ = twin.stiffness_travel_mm_;
 }
@@ -101,6 +88,91 @@ void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
     ++points.among.in_lumen;
 }
 
+// True if the segment contains the tip of an instrument that does not lead. The half piece beyond
+// its last point counts too.
+bool ContactPoints::HasTip(int segment, const PointSet& points) const {
+  const int last = (segment + 1) * points.per_segment - 1;
+  const double end_mm = points.FromTipMm(last) - points.spacing_mm;
+  const double begin_mm =
+      points.FromTipMm(last) + points.per_segment * points.PieceMm(segment * points.per_segment);
+  for (int k = points.instruments.first; k < points.instruments.last; ++k) {
+    const double behind_mm = points.instruments.behind_mm[k];
+    if (behind_mm > 0 && behind_mm >= end_mm && behind_mm <= begin_mm) return true;
+  }
+  return false;
+}
+
+// Radius of the outermost part of a point. Notes the parts if there are several.
+double ContactPoints::PartRadius(int q, PointSet& points) const {
+  constexpr double kRounding = 1e-9;
+  const PointSet::Instruments& on = points.instruments;
+  struct Reach {
+    int instrument;
+    double covers;
+  };
+  std::array<Reach, kMostInstruments> reaches;
+  int count = 0;
+  for (int k = on.first; k < on.last; ++k) {
+    const double covers = on.behind_mm[k] > 0 ? points.CoverageOf(k, q) : 1;
+    if (covers <= kRounding) continue;
+    int m = count++;
+    for (; m > 0 && reaches[m - 1].covers > covers; --m) reaches[m] = reaches[m - 1];
+    reaches[m] = {k, covers};
+  }
+  const int segment_end = (q / points.per_segment + 1) * points.per_segment - 1;
+  PointSet::Parted& parted = points.parted[points.parted_count];
+  parted.point = q;
+  parted.count = parted.touching = 0;
+  parted.acts = 1;
+  double before = 0;  // fraction of the length that the parts so far have
+  for (int m = 0; m < count; ++m) {
+    if (reaches[m].covers - before <= kRounding) continue;
+    // The instruments from m on reach this part, and the others end before it.
+    PointSet::Parted::Part part{.fraction = reaches[m].covers - before};
+    for (int k = m; k < count; ++k) {
+      const int instrument = reaches[k].instrument;
+      const double radius_mm = SectionAt(stack_->instrument(instrument).sections(),
+                                         std::max(0.0, points.FromTipOf(instrument, segment_end)))
+                                   .radius_mm;
+      if (radius_mm <= part.radius_mm) continue;
+      part.radius_mm = radius_mm;
+      part.instrument = instrument;
+    }
+    before = reaches[m].covers;
+    if (parted.count > 0 && parted.parts[parted.count - 1].radius_mm == part.radius_mm) {
+      parted.parts[parted.count - 1].fraction += part.fraction;
+    } else {
+      parted.parts[parted.count++] = part;
+    }
+  }
+  if (parted.count > 1) ++points.parted_count;
+  return parted.parts[0].radius_mm;
+}
+
+// Sets radius and stiffness of a near point with parts. The sum of its parts' energies is that of
+// one spring, plus a constant.
+void ContactPoints::TakeParts(double clearance_mm, int q, PointSet& points) const {
+  if (points.parted_count == 0 || points.parted[points.parted_count - 1].point != q) return;
+  PointSet::Parted& parted = points.parted[points.parted_count - 1];
+  double first = 0;
+  double second = 0;
+  parted.acts = 0;
+  parted.touching = 0;
+  for (int m = 0; m < parted.count; ++m) {
+    const PointSet::Parted::Part& part = parted.parts[m];
+    const bool touches = part.radius_mm > clearance_mm;
+    if (touches) ++parted.touching;
+    if (m > 0 && !touches) break;
+    parted.acts += part.fraction;
+    first += part.fraction * part.radius_mm;
+    second += part.fraction * part.radius_mm * part.radius_mm;
+  }
+  points.radius_mm[q] = first / parted.acts;
+  points.parted_mJ += points.stiffness_N_mm2[q] * points.weight_mm[q] *
+                      std::max(0.0, second - first * first / parted.acts) / 2;
+  points.stiffness_N_mm2[q] *= parted.acts;
+}
+
 void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hessian,
                           PointSet& points) {
   const int n = curve.segments();
@@ -117,11 +189,15 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
   PlaceInstruments(curve, in_lumen_mm, points);
   const double travel = field_.TravelMm();
   if (travel != stiffness_travel_mm_) SampleStiffness(curve);
-  const double used_mm = travel / lipschitz_;
+  const bool several = stack_ != nullptr && points.instruments.last - points.instruments.first > 1;
+  points.parted_count = 0;
+  points.parted_mJ = 0;
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
     const double length = curve.SegmentLength(model_, i);
-    const double radius = model_.radius_mm(n - 1 - i);
+    const bool has_tip = several && HasTip(i, points);
+    double radius = model_.radius_mm(n - 1 - i);
+    double used_mm = (travel + radius) / lipschitz_;
     const double piece = length / per_segment;
     const double beyond = i + 1 < n ? points.spacing_mm : 0;
     for (int k = 1; k <= per_segment; ++k, ++q) {
@@ -131,6 +207,10 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
               : Vector3d(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
       points.position[q] = at;
       points.weight_mm[q] = k == per_segment ? (piece + beyond) / 2 : piece;
+      if (has_tip) {
+        radius = PartRadius(static_cast<int>(q), points);
+        used_mm = (travel + radius) / lipschitz_;
+      }
       points.radius_mm[q] = radius;
       if (static_cast<int>(q) < points.among.in_lumen) {
         points.touches[q] = 0;
@@ -151,11 +231,12 @@ void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hess
       }
       points.touches[q] = sample.clearance_mm < radius;
       look.at = at;
-      look.free_mm = (sample.clearance_mm - radius - kNearMm + travel) / lipschitz_;
+      look.free_mm = (sample.clearance_mm - kNearMm + travel) / lipschitz_;
       if (sample.clearance_mm >= radius + kNearMm) continue;
       points.near.push_back(static_cast<int>(q));
       points.stiffness_N_mm2[q] =
           stiffness_N_mm2_.empty() ? wall_.stiffness_N_mm2 : stiffness_N_mm2_[count - 1 - q];
+      if (has_tip) TakeParts(sample.clearance_mm, static_cast<int>(q), points);
     }
   }
 }

@@ -51,9 +51,6 @@ class ContactPoints {
   /// Samples the wall's stiffness at every point. Call it after each move of the wire. Place does
   /// so itself after a move of the vessel.
   void SampleStiffness(const Curve& curve);
-  /// Takes over the radii of the model. Call it after they changed, as the radii of a rod of
-  /// several instruments do.
-  void UpdateRadii();
   /// Forgets the stored look-ups. Call it after the state was replaced rather than moved.
   void Forget();
   /// Takes over the stored look-ups of `twin`, which has the same points on the same vessel.
@@ -66,13 +63,17 @@ class ContactPoints {
   std::int64_t lookups() const { return lookups_done_; }
 
  private:
-  // The point cannot touch within `free_mm` of `at`, less the travel of the vessel.
+  // A point without radius cannot come near within `free_mm` of `at`, less the travel of the
+  // vessel.
   struct Lookup {
     Eigen::Vector3d at;
     double free_mm;
   };
 
   void PlaceInstruments(const Curve& curve, double in_lumen_mm, PointSet& points) const;
+  bool HasTip(int segment, const PointSet& points) const;
+  double PartRadius(int q, PointSet& points) const;
+  void TakeParts(double clearance_mm, int q, PointSet& points) const;
 
   const WireModel& model_;
   const InstrumentStack* stack_;
@@ -81,7 +82,6 @@ class ContactPoints {
   const WallModel& wall_;
   double lipschitz_;
   std::vector<Lookup> last_;             // by PointSet::FromTip
-  std::vector<double> radius_mm_;        // by segment from the tip; used by the look-ups
   std::vector<double> stiffness_N_mm2_;  // by PointSet::FromTip; empty for uniform stiffness
   double stiffness_travel_mm_ = 0;       // travel of the field when the stiffness was sampled
   std::int64_t lookups_done_ = 0;

@@ -63,6 +63,7 @@ void CurveMechanics::Reserve(bool terms, CurveQuadraticModel& out) const {
 void CurveMechanics::ExpandWall(bool with_hessian, CurveQuadraticModel& out) const {
   out.springs.clear();
   out.max_penetration_mm = 0;
+  out.energy_mJ += out.points.parted_mJ;
   for (const int q : out.points.near) {
     const ClearanceSample& sample = out.points.clearance[q];
     WallSpring& spring = out.springs.emplace_back();

@@ -49,14 +49,36 @@ struct PointSet {
   /// Length of wire that the point stands for: half of the pieces before and after it. So the last
   /// point has half a piece, and the sheath has the first half piece.
   std::vector<double> weight_mm;
-  std::vector<double> radius_mm;           ///< of the wire there
+  std::vector<double> radius_mm;           ///< of the wire there; see Parted
   std::vector<std::uint8_t> touches;       ///< 1 where the wire's surface is beyond the wall
   std::vector<int> near;                   ///< the points that touch or nearly do, ascending
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
-  std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
+  std::vector<double> stiffness_N_mm2;     ///< of the wall, see Parted; valid only at `near` points
   Eigen::Vector3d start = Eigen::Vector3d::Zero();  ///< mm; start of the piece of point 0
   double spacing_mm = 1;                            ///< distance between points, lambda / K
   double first_spacing_mm = 1;  ///< distance between points of the first segment
+
+  /// Point whose length contains the tip of an instrument. Its parts have different surfaces. Its
+  /// radius is the mean radius of the parts that touch. Its stiffness is that of the wall, times
+  /// the fraction of the length that touches. So its force is the sum of the forces of its parts.
+  /// If none touches, the outermost part counts.
+  struct Parted {
+    struct Part {
+      int instrument = 0;
+      double radius_mm = 0;  ///< of the instrument's surface
+      double fraction = 0;   ///< of the point's length, > 0
+    };
+    int point = 0;
+    int count = 0;     ///< number of parts, from the sheath on; the radius falls
+    int touching = 0;  ///< number of those that touch: the first ones
+    double acts = 1;   ///< sum of the fractions that count
+    std::array<Part, kMostInstruments> parts;
+  };
+  std::array<Parted, kMostInstruments> parted;  ///< the first `parted_count` are valid
+  int parted_count = 0;
+  /// Energy of the wall at these points, in addition to that of their mean radius and stiffness,
+  /// mJ.
+  double parted_mJ = 0;
 
   /// Instruments whose common curve has the points.
   struct Instruments {
@@ -120,8 +142,17 @@ struct PointSet {
   }
   /// Normal, as of NormalOf, of the surface that touches the wall at the point.
   Eigen::Vector3d Normal(int q) const { return NormalOf(SurfaceAt(q), q); }
-  /// The outermost instrument of the curve that reaches the point; its surface touches the wall.
+  /// Parts of the point; null if it has one surface.
+  const Parted* PartsOf(int q) const {
+    for (int k = 0; k < parted_count; ++k) {
+      if (parted[k].point == q) return &parted[k];
+    }
+    return nullptr;
+  }
+  /// The outermost instrument of the curve that reaches the point's length; its surface touches the
+  /// wall.
   int SurfaceAt(int q) const {
+    if (const Parted* parts = PartsOf(q)) return parts->parts[0].instrument;
     int k = instruments.last - 1;
     while (k > instruments.first && instruments.behind_mm[k] > FromTip(q) * spacing_mm) {
       --k;

@@ -34,7 +34,7 @@ struct QuadraticModel : CurveQuadraticModel {
 /// Evaluates quadratic models. One per simulated wire; not thread-safe.
 class WireMechanics {
  public:
-  /// A lone wire, or instruments on one curve. Keeps references to all; `terms` may grow only
+  /// A lone wire. Keeps references to all; `terms` may grow only
   /// before the first evaluation.
   WireMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                 const std::vector<EnergyTerm*>& terms);

@@ -102,16 +102,12 @@ PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mec
 }
 
 void MoveInstruments(const InstrumentPoses& next, double predicted_mm, const CombinedRods& rods,
-                     std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
-                     WireState& state) {
+                     std::vector<FeedPrediction>& predictions, WireState& state) {
   const bool alone = next.size() == 1;
   const InstrumentStack& stack = rods.stack();
   for (int c = 0; c < stack.curves(); ++c) {
     Curve& curve = state.curve(c);
-    if (!alone) {
-      mechanics.points(c).UpdateRadii();
-      curve.MoveInstruments(rods[c], next);
-    }
+    if (!alone) curve.MoveInstruments(rods[c], next);
     predictions[c].Feed(rods[c], stack.Reach(c, next), predicted_mm, curve);
   }
   if (alone) state.Rotate(next[0].rotation_rad);

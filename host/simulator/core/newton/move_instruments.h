@@ -43,8 +43,7 @@ PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mec
 /// Feeds and turns the curves of `state` to `next`, for which `rods` are combined.
 /// `predictions`: one for each curve; they move no node by more than `predicted_mm`.
 void MoveInstruments(const InstrumentPoses& next, double predicted_mm, const CombinedRods& rods,
-                     std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
-                     WireState& state);
+                     std::vector<FeedPrediction>& predictions, WireState& state);
 
 /// Moves the surfaces that `terms` remember at the points of `at` from `here` to `next`, before the
 /// points move. Inside another instrument, the outer instrument's surface touches the wall and

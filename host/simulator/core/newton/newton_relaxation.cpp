@@ -62,7 +62,6 @@ void NewtonMethod<Sweep>::Restart(WireState& state) {
   if (state.curves() != stack().curves()) LayCurves(rods(), state);
   for (int c = 0; c < state.curves(); ++c) {
     ContactPoints& points = mechanics_.points(c);
-    points.UpdateRadii();
     points.Forget();
     points.SampleStiffness(state.curve(c));
   }
@@ -259,7 +258,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
     memory_.active_sets[c].RememberPressed(memory_.current.curve(c));
   }
   Combine(next);
-  MoveInstruments(next, limits.predicted_mm, rods(), memory_.feeds, mechanics_, state);
+  MoveInstruments(next, limits.predicted_mm, rods(), memory_.feeds, state);
 
   // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.
   if (state.Farthest().segments() == 0) {

@@ -24,7 +24,6 @@ void ShadowWire::Restart(const WireState& state) {
   state_ = state;
   rods_.Combine(state.poses());
   ContactPoints& points = mechanics_.points();
-  points.UpdateRadii();
   points.Forget();
   points.SampleStiffness(state);
   for (EnergyTerm* term : terms_) term->Reset();
@@ -41,7 +40,6 @@ void ShadowWire::MovePart(const PartMotion& motion, const WireState& state) {
   }
   MoveSurfaces(rods_.stack(), motion.here, motion.next, rods_[0].spins() == 0, model_, terms_);
   rods_.Combine(motion.next);
-  mechanics_.points().UpdateRadii();
   mechanics_.points().SampleStiffness(state);
 }
 

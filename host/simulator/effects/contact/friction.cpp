@@ -61,8 +61,7 @@ Vector3d SurfacePerRad(const PointSet& points, int q, const Vector3d& normal) {
 
 }  // namespace
 
-double Friction::CoefficientAt(const PointSet& points, int q) const {
-  const int instrument = points.SurfaceAt(q);
+double Friction::CoefficientAt(const PointSet& points, int q, int instrument) const {
   const double own =
       coefficients_[static_cast<std::size_t>(instrument)].At(points.FromTipOf(instrument, q));
   if (regions_.empty()) return own;
@@ -103,46 +102,58 @@ void Spread(double at, int per_segment, double last, const Press& press) {
 
 }  // namespace
 
-// Shares the contact force of each point between the spots on either side of it, by the lever rule.
+// Shares a contact force at a point between an instrument's spots on either side, by the lever rule.
 // With several instruments on the curve, Spread shares it.
+void Friction::PressSpots(const PointSet& points, int q, int instrument, const Vector3d& normal_N) {
+  constexpr double kRounding = 1e-9;
+  Spots& on = SpotsOn(points);
+  const double spacing_mm = points.spacing_mm;
+  const double inserted_mm = points.FromTipMm(0) + points.first_spacing_mm;
+  const auto number = static_cast<std::size_t>(instrument);
+  const double behind_mm = points.instruments.behind_mm[number];
+  const double at = std::max(0.0, (points.FromTipMm(q) - behind_mm) / spacing_mm);
+  const double limit_N = CoefficientAt(points, q, instrument) * normal_N.norm();
+  const auto press = [&](std::size_t from_tip, double weight) {
+    const std::size_t spot = number * stride_ + from_tip;
+    Press& here = presses_[spot];
+    if (!here.touches) on.pressed.push_back(spot);
+    here.touches = true;
+    here.normal_N += weight * normal_N;
+    here.limit_N += weight * limit_N;
+  };
+  if (points.instruments.last - points.instruments.first > 1) {
+    Spread(at, points.per_segment, (inserted_mm - behind_mm) / spacing_mm - kRounding, press);
+    return;
+  }
+  const auto first = static_cast<std::size_t>(at + kRounding);
+  double fraction = std::max(0.0, at - static_cast<double>(first));
+  const double next_mm = static_cast<double>(first + 1) * spacing_mm + behind_mm;
+  if (fraction < kRounding || next_mm > inserted_mm) fraction = 0;
+  press(first, 1 - fraction);
+  if (fraction > 0) press(first + 1, fraction);
+}
+
 void Friction::FindPresses(const PointSet& points) {
   Spots& on = SpotsOn(points);
   for (const std::size_t spot : on.pressed) presses_[spot] = Press();
   on.pressed.clear();
-  if (points.near.empty()) return;
-  constexpr double kRounding = 1e-9;
-  const bool several = points.instruments.last - points.instruments.first > 1;
-  const double spacing_mm = points.spacing_mm;
-  const double inserted_mm = points.FromTipMm(0) + points.first_spacing_mm;
   for (const int q : points.near) {
     const auto p = static_cast<std::size_t>(q);
     if (!points.touches[p]) continue;
-    const auto instrument = static_cast<std::size_t>(points.SurfaceAt(q));
-    const double behind_mm = points.instruments.behind_mm[instrument];
-    const double at = std::max(0.0, (points.FromTipMm(q) - behind_mm) / spacing_mm);
-    const auto first = static_cast<std::size_t>(at + kRounding);
-    double fraction = std::max(0.0, at - static_cast<double>(first));
-    const double next_mm = static_cast<double>(first + 1) * spacing_mm + behind_mm;
-    if (fraction < kRounding || next_mm > inserted_mm) fraction = 0;
     const ClearanceSample& sample = points.clearance[p];
-    const Vector3d normal_N = (points.stiffness_N_mm2[p] * points.weight_mm[p] *
-                               (points.radius_mm[p] - sample.clearance_mm)) *
-                              sample.gradient;
-    const double limit_N = CoefficientAt(points, q) * normal_N.norm();
-    const auto press = [&](std::size_t from_tip, double weight) {
-      const std::size_t spot = instrument * stride_ + from_tip;
-      Press& here = presses_[spot];
-      if (!here.touches) on.pressed.push_back(spot);
-      here.touches = true;
-      here.normal_N += weight * normal_N;
-      here.limit_N += weight * limit_N;
-    };
-    if (several) {
-      Spread(at, points.per_segment, (inserted_mm - behind_mm) / spacing_mm + kRounding, press);
+    const Vector3d per_mm_N = (points.stiffness_N_mm2[p] * points.weight_mm[p]) * sample.gradient;
+    const PointSet::Parted* parted = points.PartsOf(q);
+    if (parted == nullptr) {
+      PressSpots(points, q, points.SurfaceAt(q),
+                 (points.radius_mm[p] - sample.clearance_mm) * per_mm_N);
       continue;
     }
-    press(first, 1 - fraction);
-    if (fraction > 0) press(first + 1, fraction);
+    for (int m = 0; m < parted->touching; ++m) {
+      const PointSet::Parted::Part& part = parted->parts[static_cast<std::size_t>(m)];
+      PressSpots(
+          points, q, part.instrument,
+          (part.fraction / parted->acts * (part.radius_mm - sample.clearance_mm)) * per_mm_N);
+    }
   }
 }
 

@@ -99,10 +99,11 @@ class Friction final : public Effect, public EnergyTerm, public ContactTerm {
   }
   PointSet::Place PlaceOf(const PointSet& points, std::size_t spot) const;
   void FindPresses(const PointSet& points);
+  void PressSpots(const PointSet& points, int q, int instrument, const Eigen::Vector3d& normal_N);
   LocalFrame LocalFrameOf(const PointSet& points, std::size_t spot, int point) const;
   RollingSlip RollingSlipAt(const PointSet& points, std::size_t spot, int point,
                             const Eigen::Vector3d& normal) const;
-  double CoefficientAt(const PointSet& points, int q) const;
+  double CoefficientAt(const PointSet& points, int q, int instrument) const;
   void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
 
   const double slip_mm_;
