@@ -102,8 +102,8 @@ void Spread(double at, int per_segment, double last, const Press& press) {
 
 }  // namespace
 
-// Shares a contact force at a point between an instrument's spots on either side, by the lever rule.
-// With several instruments on the curve, Spread shares it.
+// Shares a contact force at a point between an instrument's spots on either side, by the lever
+// rule. With several instruments on the curve, Spread shares it.
 void Friction::PressSpots(const PointSet& points, int q, int instrument, const Vector3d& normal_N) {
   constexpr double kRounding = 1e-9;
   Spots& on = SpotsOn(points);
