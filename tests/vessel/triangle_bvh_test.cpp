@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/brick_field.h"
+#include "host/simulator/vessel/mesh_repair.h"
 #include "host/simulator/vessel/surface_mesh.h"
 #include "tests/support/made_meshes.h"
 #include "tests/vessel/field_checks.h"
@@ -73,6 +76,34 @@ TEST_CASE("rounded winding numbers on both sides of a face are those of single l
     CHECK(inner == std::lround(bvh.WindingNumber(at - step)));
     within += outer == 1 ? 1 : 0;
   }
+  CHECK(within > 50);
+}
+
+TEST_CASE("crossings of rays give the winding numbers of a closed surface, and of one with a lid") {
+  TriangleMesh mesh = Bottle(), other = Bottle();
+  for (Vector3d& v : other.vertices_mm) v = Vector3d(20 - v.y(), v.x() - 18, v.z() + 0.4);
+  Append(mesh, other);
+  const std::size_t missing = GENERATE(std::size_t{0}, std::size_t{2}, std::size_t{9});
+  for (std::size_t i = 0; i < missing; ++i) {
+    mesh.triangles.erase(mesh.triangles.begin() + static_cast<std::ptrdiff_t>(100 * i + 7));
+  }
+  const TriangleBvh bvh(mesh, TriangleBvh::Signs::kNone);
+  const TriangleMesh cone = repair::ConeOverBorder(mesh);
+  CHECK(cone.triangles.size() == 3 * missing);
+  std::optional<TriangleBvh> lid;
+  if (missing > 0) lid.emplace(cone, TriangleBvh::Signs::kNone);
+  std::size_t counted = 0, within = 0;
+  for (std::size_t face = 0; face < mesh.triangles.size(); ++face) {
+    const Vector3d at = mesh.Centroid(face);
+    const Vector3d step = 1e-4 * mesh.DoubleArea(face).normalized();
+    const auto sides = bvh.CountCrossings(at, step, lid ? &*lid : nullptr);
+    if (!sides) continue;
+    ++counted;
+    CHECK(sides->outer == std::lround(bvh.WindingNumber(at + step)));
+    CHECK(sides->inner == std::lround(bvh.WindingNumber(at - step)));
+    within += sides->outer == 1 ? 1 : 0;
+  }
+  CHECK(counted > 0.9 * static_cast<double>(mesh.triangles.size()));
   CHECK(within > 50);
 }
 

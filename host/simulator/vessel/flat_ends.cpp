@@ -43,7 +43,7 @@ std::vector<Opening> FindFlatEnds(const TriangleMesh& mesh) {
   const size_t count = mesh.triangles.size();
   std::vector<Vector3d> normals;
   for (size_t i = 0; i < count; ++i) normals.push_back(mesh.DoubleArea(i).normalized());
-  const auto edges = EdgesOf(mesh);
+  const EdgeTable edges(mesh);
   std::vector<int32_t> parent(count);
   std::iota(parent.begin(), parent.end(), 0);
   const auto root = [&](int32_t i) {

@@ -62,7 +62,7 @@ double TubeFacingShare(const TriangleBvh& surface) {
 TriangleMesh InnerSide(const TriangleBvh& surface) {
   const TriangleMesh& mesh = surface.mesh();
   const size_t count = mesh.triangles.size();
-  const auto edges = EdgesOf(mesh);
+  const EdgeTable edges(mesh);
   int part_count = 0;
   const std::vector<int> parts = repair::Parts(mesh, &part_count);
   std::vector<double> area(count), vote(count);

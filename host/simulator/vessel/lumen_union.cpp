@@ -45,6 +45,9 @@ constexpr size_t kSheetSamples = 64;
 constexpr double kBesideCap = 0.05;
 // Largest number of face pairs that the report counts.
 constexpr size_t kMostCounted = 1'000'000;
+// With more faces in the lid of a surface, dipoles are quicker than crossings.
+constexpr size_t kMostInLid = 100;
+constexpr TriangleBvh::Signs kNoSigns = TriangleBvh::Signs::kNone;
 
 // A step from the middle of a face to its outer side, much shorter than the face.
 Vector3d StepOut(const TriangleMesh& mesh, size_t face) {
@@ -140,7 +143,7 @@ size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& lef
     std::vector<SurfaceRegion> regions = RegionsOf(mesh);
     std::erase_if(regions, [](const SurfaceRegion& region) { return !region.is_bounded; });
     if (regions.empty()) break;
-    const TriangleBvh surface(mesh);
+    const TriangleBvh surface(mesh, kNoSigns);
     std::vector<double> scores;
     for (const SurfaceRegion& region : regions) scores.push_back(SheetScore(surface, mesh, region));
     const double worst = *std::max_element(scores.begin(), scores.end());
@@ -173,6 +176,34 @@ struct Verdict {
   size_t where_within = 0, where_inverted = 0;
 };
 
+// Winding numbers on both sides of the faces, found when they are wanted.
+class FaceSides {
+ public:
+  explicit FaceSides(const TriangleBvh& surface)
+      : surface_(surface), known_(surface.mesh().triangles.size()) {
+    TriangleMesh lid = repair::ConeOverBorder(surface.mesh());
+    may_count_ = lid.triangles.size() <= kMostInLid;
+    if (may_count_ && !lid.triangles.empty()) {
+      lid_ = std::make_unique<TriangleBvh>(std::move(lid), kNoSigns);
+    }
+  }
+
+  TriangleBvh::WholeSides Of(int32_t face) {
+    std::optional<TriangleBvh::WholeSides>& sides = known_[face];
+    if (sides) return *sides;
+    const Vector3d at = surface_.mesh().Centroid(face), step = StepOut(surface_.mesh(), face);
+    if (may_count_) sides = surface_.CountCrossings(at, step, lid_.get());
+    if (!sides) sides = surface_.WholeWindingNumbers(at, step);
+    return *sides;
+  }
+
+ private:
+  const TriangleBvh& surface_;
+  std::vector<std::optional<TriangleBvh::WholeSides>> known_;
+  std::unique_ptr<TriangleBvh> lid_;  // null for a closed surface
+  bool may_count_ = false;
+};
+
 Verdict Judge(const TriangleBvh& surface) {
   const TriangleMesh& mesh = surface.mesh();
   Verdict verdict;
@@ -195,13 +226,9 @@ Verdict Judge(const TriangleBvh& surface) {
       largest_inverted = std::max(largest_inverted, area);
     }
   };
-  std::vector<std::optional<Sides>> known(mesh.triangles.size());
+  FaceSides sides_of(surface);
   const auto whole = [&](int32_t face) {
-    if (AreaOf(mesh, face) == 0) return Sides{0, 0};
-    if (!known[face]) {
-      known[face] = surface.WholeWindingNumbers(mesh.Centroid(face), StepOut(mesh, face));
-    }
-    return *known[face];
+    return AreaOf(mesh, face) == 0 ? Sides{0, 0} : sides_of.Of(face);
   };
   for (const SurfaceRegion& region : RegionsOf(mesh)) {
     // Winding numbers are constant over a region unless something passes through it without an edge
@@ -295,7 +322,7 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
                     "no lumen; export it again");
   }
   united.sheet_count = DropSheets(*split, name, united.sheets);
-  united.walls = std::make_unique<TriangleBvh>(std::move(*split));
+  united.walls = std::make_unique<TriangleBvh>(std::move(*split), kNoSigns);
   const TriangleMesh& mesh = united.walls->mesh();
   Verdict& verdict = united.verdict;
   verdict = Judge(*united.walls);
@@ -322,7 +349,7 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
   if (united.wall.triangles.empty()) {
     throw UserError(name + ": the surface encloses no lumen; export it again");
   }
-  united.fault = FindFault(TriangleBvh(united.wall));
+  united.fault = FindFault(TriangleBvh(united.wall, kNoSigns));
   return united;
 }
 
@@ -371,7 +398,7 @@ void FaceOutward(std::vector<Opening>& openings, const TriangleBvh& surface) {
 
 void Unite(SurfaceMesh& surface, const std::string& name) {
   MeshReport& report = surface.report;
-  const TriangleBvh before(surface.mesh);
+  const TriangleBvh before(surface.mesh, kNoSigns);
   FaceOutward(report.openings, before);
   const auto cuts = before.FindIntersections(kMostCounted);
   int parts = 0;
@@ -382,7 +409,7 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
   United united = UniteOnce(before, name);
   for (int attempt = 1; attempt <= kAttempts && united.fault.share > kNegligibleShare; ++attempt) {
     const double by_mm = attempt * kMovePerDiagonal * before.mesh().Bounds().diagonal().norm();
-    united = UniteOnce(TriangleBvh(MovedApart(before.mesh(), by_mm)), name);
+    united = UniteOnce(TriangleBvh(MovedApart(before.mesh(), by_mm), kNoSigns), name);
   }
   if (united.nothing_goes) return;
   if (united.fault.share > kNegligibleShare) {

@@ -31,7 +31,7 @@ constexpr double kManyHoles = 5;
 // Boundary loops as vertices, in the direction of their caps: opposite to their triangles.
 std::vector<std::vector<int32_t>> BoundaryLoops(const TriangleMesh& mesh) {
   std::multimap<int32_t, int32_t> onward;
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     if (uses.size() != 1) continue;
     if (uses[0].forward) {
       onward.emplace(edge.second, edge.first);
@@ -139,7 +139,7 @@ void Cap(TriangleMesh& mesh, const std::vector<int32_t>& loop, const Vector3d& c
 void CapLoops(TriangleMesh& mesh, const std::string& name, double largest_hole_share,
               MeshReport& report) {
   std::map<Edge, Vector3d> normals;  // of the faces at the border
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     if (uses.size() != 1) continue;
     normals[edge] = mesh.DoubleArea(uses[0].triangle).normalized();
   }

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -20,6 +20,27 @@ struct EdgeUse {
   bool forward;  ///< from the edge's smaller vertex to its larger
 };
 
-std::map<Edge, std::vector<EdgeUse>> EdgesOf(const TriangleMesh& mesh);
+/// Edges in increasing order, each with its uses in the order of the triangles.
+class EdgeTable {
+ public:
+  struct Entry {
+    Edge edge;
+    std::span<const EdgeUse> uses;
+  };
+
+  explicit EdgeTable(const TriangleMesh& mesh);
+  // The entries view the uses.
+  EdgeTable(const EdgeTable&) = delete;
+  EdgeTable& operator=(const EdgeTable&) = delete;
+
+  std::vector<Entry>::const_iterator begin() const { return entries_.begin(); }
+  std::vector<Entry>::const_iterator end() const { return entries_.end(); }
+  /// Uses of an edge; none for an edge that the mesh does not have.
+  std::span<const EdgeUse> UsesOf(const Edge& edge) const;
+
+ private:
+  std::vector<EdgeUse> uses_;
+  std::vector<Entry> entries_;
+};
 
 }  // namespace torquer::vessel

@@ -5,9 +5,11 @@
 #include <cassert>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <numeric>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "host/simulator/vessel/mesh_edges.h"
@@ -121,7 +123,7 @@ std::vector<int> Parts(const TriangleMesh& mesh, int* count) {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
     return i;
   };
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     if (uses.size() == 2) parent[root(uses[0].triangle)] = root(uses[1].triangle);
   }
   std::vector<int> part(mesh.triangles.size()), number(mesh.triangles.size(), -1);
@@ -136,7 +138,7 @@ std::vector<int> Parts(const TriangleMesh& mesh, int* count) {
 
 EdgeFaults FindEdgeFaults(const TriangleMesh& mesh) {
   EdgeFaults faults;
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     if (uses.size() == 1) faults.open.push_back({edge.first, edge.second});
     if (uses.size() > 2) faults.several.push_back({edge.first, edge.second});
     if (uses.size() == 2 && uses[0].forward == uses[1].forward) ++faults.disagreeing;
@@ -175,7 +177,7 @@ void DropFragments(TriangleMesh& mesh, MeshReport& report) {
 }
 
 void Orient(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
-  const auto edges = EdgesOf(mesh);
+  const EdgeTable edges(mesh);
   struct Neighbor {
     int32_t triangle;
     bool agrees;
@@ -228,7 +230,7 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
   constexpr int kPasses = 5;
   size_t repaired = 0;
   for (int pass = 0; pass < kPasses; ++pass) {
-    const auto edges = EdgesOf(mesh);
+    const EdgeTable edges(mesh);
     std::vector<char> touched(mesh.triangles.size(), 0);
     size_t now = 0;
     for (size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -245,13 +247,13 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
       const auto triangle = mesh.triangles[i];
       const int32_t a = triangle[longest], b = triangle[(longest + 1) % 3],
                     c = triangle[(longest + 2) % 3];
-      const auto& uses = edges.at(std::minmax(a, b));
+      const auto uses = edges.UsesOf(std::minmax(a, b));
       if (uses.size() != 2) continue;
       const EdgeUse& other = uses[0].triangle == static_cast<int32_t>(i) ? uses[1] : uses[0];
       if (touched[other.triangle]) continue;
       const int32_t d = mesh.triangles[other.triangle][(other.corner + 2) % 3];
       // The new edge must not exist already.
-      if (d == c || edges.count(std::minmax(c, d)) > 0) continue;
+      if (d == c || !edges.UsesOf(std::minmax(c, d)).empty()) continue;
       mesh.triangles[i] = {a, d, c};
       mesh.triangles[other.triangle] = {d, b, c};
       touched[i] = touched[other.triangle] = 1;
@@ -274,7 +276,7 @@ void PointOutward(TriangleMesh& mesh, MeshReport& report) {
   // bulges. For a closed part any point is suitable.
   std::vector<Vector3d> about(count, Vector3d::Zero());
   std::vector<double> border(count, 0);
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     if (uses.size() == 2) continue;
     const Vector3d &a = mesh.vertices_mm[edge.first], &b = mesh.vertices_mm[edge.second];
     const double length = (b - a).norm();
@@ -311,7 +313,7 @@ void PointOutward(TriangleMesh& mesh, MeshReport& report) {
 
 namespace {
 
-int Balance(const std::vector<EdgeUse>& uses) {
+int Balance(std::span<const EdgeUse> uses) {
   int balance = 0;
   for (const EdgeUse& use : uses) balance += use.forward ? 1 : -1;
   return balance;
@@ -321,7 +323,7 @@ int Balance(const std::vector<EdgeUse>& uses) {
 
 void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report) {
   size_t crossed = 0;
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     crossed += uses.size() > 2 && Balance(uses) == 0 ? 1 : 0;
   }
   report.crossed_edges += crossed;
@@ -334,16 +336,30 @@ void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report) {
 
 std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh) {
   std::vector<int32_t> faces;
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     if (Balance(uses) == 0) continue;
     for (const EdgeUse& use : uses) faces.push_back(use.triangle);
   }
   return faces;
 }
 
+TriangleMesh ConeOverBorder(const TriangleMesh& mesh) {
+  TriangleMesh cone;
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
+    const int balance = Balance(uses);
+    if (balance == 0) continue;
+    if (cone.vertices_mm.empty()) cone.vertices_mm = mesh.vertices_mm;
+    const int32_t apex = cone.triangles.empty() ? edge.first : cone.triangles[0][2];
+    const auto [from, to] = balance > 0 ? std::pair(edge.second, edge.first) : edge;
+    for (int k = 0; k < std::abs(balance); ++k) cone.triangles.push_back({from, to, apex});
+  }
+  DropUnusedVertices(cone);
+  return cone;
+}
+
 std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh) {
   std::vector<std::array<int32_t, 2>> pairs;
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+  for (const auto& [edge, uses] : EdgeTable(mesh)) {
     for (size_t i = 0; i < uses.size(); ++i) {
       for (size_t k = i + 1; k < uses.size(); ++k) {
         pairs.push_back({uses[i].triangle, uses[k].triangle});

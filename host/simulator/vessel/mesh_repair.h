@@ -39,6 +39,9 @@ void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report);
 /// does not separate two sides.
 std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh);
 
+/// Triangles that balance every edge of a mesh: a cone over its border. Empty for a closed mesh.
+TriangleMesh ConeOverBorder(const TriangleMesh& mesh);
+
 /// Pairs of triangles that share an edge.
 std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh);
 

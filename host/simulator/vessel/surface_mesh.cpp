@@ -168,7 +168,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name, MeshUnit un
   Close(surface, name, tolerance_mm, kFileHoleShare);
 
   {
-    const TriangleBvh closed(mesh);
+    const TriangleBvh closed(mesh, TriangleBvh::Signs::kNone);
     report.tube_facing_share = TubeFacingShare(closed);
     const std::string share = Number(100 * report.tube_facing_share) + " % of the surface";
     if (report.tube_facing_share > kLumenShare && report.tube_facing_share < kWallShare) {
@@ -199,7 +199,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name, MeshUnit un
                               Place(opening.center_mm) + ", direction into the vessel " +
                               repair::Direction(opening.inward) + ": closed flat.");
   }
-  const TriangleBvh finished(mesh);
+  const TriangleBvh finished(mesh, TriangleBvh::Signs::kNone);
   MeasureWidth(finished, report);
   report.bounds_mm = mesh.Bounds();
   report.area_mm2 = mesh.Area();

@@ -4,9 +4,10 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numeric>
 #include <utility>
+
+#include "host/simulator/vessel/mesh_edges.h"
 
 namespace torquer::vessel {
 
@@ -17,9 +18,7 @@ namespace {
 
 constexpr int kLeafTriangles = 4;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// Boxes are skipped only if they are further than the best by more than rounding. Thus a search in
-// any order meets every triangle that could be the nearest.
-constexpr double kSlack = 1 + 1e-9, kRoundingMm = 1e-9;
+constexpr double kRoundingMm = 1e-9;
 // Least height of a face with a reliable normal, as a share of its longest edge.
 constexpr double kSliver = 1e-3;
 double SquaredDistance(const AlignedBox3d& box, const Vector3d& p) {
@@ -28,7 +27,7 @@ double SquaredDistance(const AlignedBox3d& box, const Vector3d& p) {
 
 }  // namespace
 
-TriangleBvh::TriangleBvh(TriangleMesh mesh) : mesh_(std::move(mesh)) {
+TriangleBvh::TriangleBvh(TriangleMesh mesh, Signs signs) : mesh_(std::move(mesh)), signs_(signs) {
   const auto count = static_cast<int32_t>(mesh_.triangles.size());
   assert(count > 0);
   std::vector<AlignedBox3d> boxes(count);
@@ -51,8 +50,10 @@ TriangleBvh::TriangleBvh(TriangleMesh mesh) : mesh_(std::move(mesh)) {
   std::iota(order_.begin(), order_.end(), 0);
   nodes_.reserve(2 * count);
   BuildNode(0, count, boxes, centers);
-  FindNormals();
-  MarkDoubtful();
+  if (signs_ == Signs::kNone) return;
+  const EdgeTable edges(mesh_);
+  FindNormals(edges);
+  MarkDoubtful(edges);
 }
 
 // Splits at the median along the longest side of the centers' box. On surfaces this is as good as a
@@ -94,10 +95,8 @@ int32_t TriangleBvh::BuildNode(int32_t first, int32_t count, const std::vector<A
   return index;
 }
 
-void TriangleBvh::FindNormals() {
-  std::map<std::pair<int32_t, int32_t>, Vector3d> edges;
+void TriangleBvh::FindNormals(const EdgeTable& edges) {
   std::vector<Vector3d> corners(mesh_.vertices_mm.size(), Vector3d::Zero());
-  const auto key = [](int32_t a, int32_t b) { return std::pair(std::min(a, b), std::max(a, b)); };
   for (size_t i = 0; i < faces_.size(); ++i) {
     for (int corner = 0; corner < 3; ++corner) {
       const auto& triangle = mesh_.triangles[i];
@@ -106,32 +105,28 @@ void TriangleBvh::FindNormals() {
       const Vector3d back = mesh_.Corner(i, last) - mesh_.Corner(i, corner);
       const double angle = std::atan2(out.cross(back).norm(), out.dot(back));
       corners[triangle[corner]] += angle * faces_[i].normal;
-      edges.try_emplace(key(triangle[corner], triangle[next]), Vector3d::Zero()).first->second +=
-          faces_[i].normal;
     }
+  }
+  for (const auto& [edge, uses] : edges) {
+    Vector3d sum = Vector3d::Zero();
+    for (const EdgeUse& use : uses) sum += faces_[use.triangle].normal;
+    for (const EdgeUse& use : uses) faces_[use.triangle].edge_normal[use.corner] = sum;
   }
   for (size_t i = 0; i < faces_.size(); ++i) {
     const auto& triangle = mesh_.triangles[i];
     for (int corner = 0; corner < 3; ++corner) {
       faces_[i].corner_normal[corner] = corners[triangle[corner]];
-      faces_[i].edge_normal[corner] = edges.at(key(triangle[corner], triangle[(corner + 1) % 3]));
     }
   }
 }
 
-void TriangleBvh::MarkDoubtful() {
-  std::map<std::pair<int32_t, int32_t>, int> edges;
-  for (const auto& triangle : mesh_.triangles) {
-    for (int corner = 0; corner < 3; ++corner) {
-      ++edges[std::minmax(triangle[corner], triangle[(corner + 1) % 3])];
-    }
-  }
+void TriangleBvh::MarkDoubtful(const EdgeTable& edges) {
   std::vector<char> bad_vertex(mesh_.vertices_mm.size(), 0);
   const auto mark = [&](size_t triangle) {
     for (const int32_t vertex : mesh_.triangles[triangle]) bad_vertex[vertex] = 1;
   };
   for (const auto& [edge, uses] : edges) {
-    if (uses != 2) bad_vertex[edge.first] = bad_vertex[edge.second] = 1;
+    if (uses.size() != 2) bad_vertex[edge.first] = bad_vertex[edge.second] = 1;
   }
   for (size_t i = 0; i < faces_.size(); ++i) {
     const Face& face = faces_[i];
@@ -224,6 +219,7 @@ TriangleBvh::Hit TriangleBvh::Search(const Vector3d& p, int32_t guess) const {
 }
 
 double TriangleBvh::Signed(const Vector3d& p, const Hit& hit) const {
+  assert(signs_ == Signs::kKnown);
   const Face& face = faces_[hit.triangle];
   const double distance = std::sqrt(hit.squared);
   if (face.doubtful) return WindingNumber(p) > 0.5 ? distance : -distance;
@@ -330,20 +326,7 @@ bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
 template <typename Met>
 void TriangleBvh::WalkRay(const Vector3d& from_mm, const Vector3d& direction, double least_mm,
                           const double& nearest, Met met) const {
-  const Vector3d inverse = direction.cwiseInverse();
-  const auto enters = [&](const Node& node) {
-    double enter = least_mm, leave = nearest;
-    for (int axis = 0; axis < 3; ++axis) {
-      double t0 = (node.box.min()[axis] - from_mm[axis]) * inverse[axis];
-      double t1 = (node.box.max()[axis] - from_mm[axis]) * inverse[axis];
-      if (t0 > t1) std::swap(t0, t1);
-      // A comparison with NaN (ray on a face, along it) keeps the box.
-      enter = t0 > enter ? t0 : enter;
-      leave = t1 < leave ? t1 : leave;
-    }
-    return !(enter > leave * kSlack);
-  };
-  Walk(enters, [&](int32_t triangle) {
+  WalkBoxesOnRay(from_mm, direction, least_mm, nearest, [&](int32_t triangle) {
     // Moeller & Trumbore (1997).
     const Face& face = faces_[triangle];
     const Vector3d h = direction.cross(face.ac);

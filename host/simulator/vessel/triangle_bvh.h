@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,8 @@
 #include "host/simulator/vessel/triangle_mesh.h"
 
 namespace torquer::vessel {
+
+class EdgeTable;
 
 /// Distances to a mesh by a tree of boxes.
 ///
@@ -21,9 +24,13 @@ namespace torquer::vessel {
 /// triangles the lowest index counts, so every result depends on the point alone.
 class TriangleBvh final : public DistanceSource {
  public:
+  /// kNone omits the preparation of signs, which takes as long as the tree. Distance, SampleGrid
+  /// and IsDoubtful must then not be called.
+  enum class Signs : std::uint8_t { kNone, kKnown };
+
   /// mesh: closed (every edge has equally many uses in both directions), outward normals, at least
   /// one triangle.
-  explicit TriangleBvh(TriangleMesh mesh);
+  explicit TriangleBvh(TriangleMesh mesh, Signs signs = Signs::kKnown);
 
   double Distance(const Eigen::Vector3d& point_mm) const override;
   void SampleGrid(const double* x, const double* y, const double* z, int count, double needed_mm,
@@ -61,6 +68,13 @@ class TriangleBvh final : public DistanceSource {
   WholeSides WholeWindingNumbers(const Eigen::Vector3d& point_mm,
                                  const Eigen::Vector3d& step_mm) const;
 
+  /// The same by counting the triangles that rays cross, which is much quicker. `lid`: few
+  /// triangles that close the surface; null for a closed one. Returns nullopt if a ray passes too
+  /// close to an edge, or if a number is far from an integer.
+  std::optional<WholeSides> CountCrossings(const Eigen::Vector3d& point_mm,
+                                           const Eigen::Vector3d& step_mm,
+                                           const TriangleBvh* lid) const;
+
   /// Finds the triangles with boxes that touch a box.
   void FindTouching(const Eigen::AlignedBox3d& box, std::vector<int32_t>& triangles) const;
 
@@ -73,6 +87,9 @@ class TriangleBvh final : public DistanceSource {
 
  private:
   static constexpr int kStackDepth = 128;
+  // Boxes are skipped only if they are further than the best by more than rounding. Thus a search
+  // in any order meets every triangle that could be the nearest.
+  static constexpr double kSlack = 1 + 1e-9;
 
   struct Face {
     Eigen::Vector3d a, ab, ac, normal;
@@ -109,8 +126,10 @@ class TriangleBvh final : public DistanceSource {
 
   int32_t BuildNode(int32_t first, int32_t count, const std::vector<Eigen::AlignedBox3d>& boxes,
                     const std::vector<Eigen::Vector3d>& centers);
-  void FindNormals();
-  void MarkDoubtful();
+  void FindNormals(const EdgeTable& edges);
+  void MarkDoubtful(const EdgeTable& edges);
+  std::optional<long> CrossingsOf(const Eigen::Vector3d& from_mm,
+                                  const Eigen::Vector3d& direction) const;
   std::pair<double, double> WindingNumbersBeside(const Eigen::Vector3d& point_mm,
                                                  const Eigen::Vector3d& step_mm,
                                                  double dipole_ratio) const;
@@ -118,6 +137,11 @@ class TriangleBvh final : public DistanceSource {
   // there, until it returns false.
   template <typename Enters, typename Leaf>
   void Walk(Enters enters, Leaf leaf) const;
+  // The same for nodes on a ray beyond least_mm and not farther than `nearest`; `leaf` may lower
+  // it.
+  template <typename Leaf>
+  void WalkBoxesOnRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
+                      double least_mm, const double& nearest, Leaf leaf) const;
   template <typename Met>
   void WalkRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction, double least_mm,
                const double& nearest, Met met) const;
@@ -130,6 +154,7 @@ class TriangleBvh final : public DistanceSource {
   double Signed(const Eigen::Vector3d& p, const Hit& hit) const;
 
   TriangleMesh mesh_;
+  Signs signs_;
   std::vector<Face> faces_;
   std::vector<Node> nodes_;
   std::vector<int32_t> order_;  // triangles, leaf by leaf
@@ -153,6 +178,25 @@ void TriangleBvh::Walk(Enters enters, Leaf leaf) const {
       if (!leaf(order_[i])) return;
     }
   }
+}
+
+template <typename Leaf>
+void TriangleBvh::WalkBoxesOnRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
+                                 double least_mm, const double& nearest, Leaf leaf) const {
+  const Eigen::Vector3d inverse = direction.cwiseInverse();
+  const auto enters = [&](const Node& node) {
+    double enter = least_mm, leave = nearest;
+    for (int axis = 0; axis < 3; ++axis) {
+      double t0 = (node.box.min()[axis] - from_mm[axis]) * inverse[axis];
+      double t1 = (node.box.max()[axis] - from_mm[axis]) * inverse[axis];
+      if (t0 > t1) std::swap(t0, t1);
+      // A comparison with NaN (ray on a face, along it) keeps the box.
+      enter = t0 > enter ? t0 : enter;
+      leave = t1 < leave ? t1 : leave;
+    }
+    return !(enter > leave * kSlack);
+  };
+  Walk(enters, leaf);
 }
 
 }  // namespace torquer::vessel

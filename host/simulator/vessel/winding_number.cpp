@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <utility>
 
 #include "host/simulator/vessel/triangle_bvh.h"
@@ -21,6 +23,11 @@ constexpr double kCoarseDipoleRatio = 2;
 constexpr double kMostFractional = 0.35;
 // Things further away than this many steps look the same from both sides of a face.
 constexpr double kFarSteps = 100;
+// Share of the product of lengths within which rounding may change the sign of a triple product.
+constexpr double kRounding = 1e-12;
+
+// Distance from the nearest integer.
+double Fraction(double number) { return std::abs(number - std::round(number)); }
 
 double SolidAngle(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
   // Van Oosterom & Strackee (1983).
@@ -81,12 +88,60 @@ std::pair<double, double> TriangleBvh::WindingNumbersBeside(const Vector3d& poin
 
 TriangleBvh::WholeSides TriangleBvh::WholeWindingNumbers(const Vector3d& point_mm,
                                                          const Vector3d& step_mm) const {
-  const auto fraction = [](double number) { return std::abs(number - std::round(number)); };
   auto sides = WindingNumbersBeside(point_mm, step_mm, kCoarseDipoleRatio);
-  if (fraction(sides.first) > kMostFractional || fraction(sides.second) > kMostFractional) {
+  if (Fraction(sides.first) > kMostFractional || Fraction(sides.second) > kMostFractional) {
     sides = {WindingNumber(point_mm + step_mm), WindingNumber(point_mm - step_mm)};
   }
   return {std::lround(sides.first), std::lround(sides.second)};
+}
+
+// Winding number at the beginning of a ray: its crossings out of the surface less those into it.
+std::optional<long> TriangleBvh::CrossingsOf(const Vector3d& from_mm,
+                                             const Vector3d& direction) const {
+  long crossings = 0;
+  bool is_certain = true;
+  WalkBoxesOnRay(
+      from_mm, direction, 0, std::numeric_limits<double>::infinity(), [&](int32_t triangle) {
+        // Moeller & Trumbore (1997), times the determinant.
+        const Face& face = faces_[triangle];
+        const Vector3d d = from_mm - face.a, h = direction.cross(face.ac), q = d.cross(face.ab);
+        const double determinant = face.ab.dot(h), sign = determinant < 0 ? -1 : 1;
+        const double longest = std::sqrt(std::max(face.ab_ab, face.ac_ac));
+        const double slack = kRounding * longest * (d.norm() + longest);
+        const double u = sign * d.dot(h), v = sign * direction.dot(q);
+        const double w = sign * determinant - u - v;
+        const double t = sign * face.ac.dot(q), t_slack = slack * longest;
+        if (u < -slack || v < -slack || w < -slack || t < -t_slack) return true;
+        if (u <= slack || v <= slack || w <= slack || t <= t_slack) return is_certain = false;
+        crossings += determinant < 0 ? 1 : -1;
+        return true;
+      });
+  if (!is_certain) return std::nullopt;
+  return crossings;
+}
+
+// The winding number of a surface and its lid is the number of crossings. That of the lid is found
+// from its solid angles, and subtracted.
+std::optional<TriangleBvh::WholeSides> TriangleBvh::CountCrossings(const Vector3d& point_mm,
+                                                                   const Vector3d& step_mm,
+                                                                   const TriangleBvh* lid) const {
+  // Off the normal, because a normal meets the opposite edges of a regular tube.
+  const Vector3d direction = (step_mm.normalized() + Vector3d(0.137, -0.093, 0.071)).normalized();
+  long numbers[2] = {0, 0};
+  for (const int side : {0, 1}) {
+    const double sign = side == 0 ? 1 : -1;
+    const Vector3d from = point_mm + sign * step_mm, along = sign * direction;
+    const std::optional<long> crossings = CrossingsOf(from, along);
+    if (!crossings) return std::nullopt;
+    numbers[side] = *crossings;
+    if (lid == nullptr) continue;
+    const std::optional<long> of_lid = lid->CrossingsOf(from, along);
+    if (!of_lid) return std::nullopt;
+    const double own = lid->WindingNumber(from);
+    if (Fraction(own) > kMostFractional) return std::nullopt;
+    numbers[side] += *of_lid - std::lround(own);
+  }
+  return WholeSides{numbers[0], numbers[1]};
 }
 
 }  // namespace torquer::vessel
