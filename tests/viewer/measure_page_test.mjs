@@ -1,4 +1,5 @@
 // Measurements in pictures on the page: cylinders of known diameter in pinhole geometry, unknown scales, and their place.
+// Masks by hand: patterns that move by parts of a pixel, in closed form.
 // usage: node tests/viewer/measure_page_test.mjs ROOT PROGRAMS [SEEDS]
 // It prints bias and spread of each diameter and field.
 import assert from "node:assert/strict";
@@ -183,6 +184,126 @@ test("the drawing lies on the picked points and on both edges, also if the pictu
   await tool("Measure");
   await page.mouse.dblclick(box.x + box.width / 3, box.y + box.height / 3);
   await until("the usual size", async () => !(await text("#window")).startsWith("×"));
+});
+
+// A pattern of waves that is moved to the right and down, and a bar of contrast agent. Its grays are closed forms.
+const BAR = { from: 300, to: 340, gray: 20 };
+async function showPattern({ right = 0, down = 0, bar = false, lift = 0, laoRad = 0, stepS = 1, readings = {} }) {
+  timeS += stepS;
+  number += 1;
+  await page.evaluate(async ({ right, down, bar, lift, laoRad, readings, timeS, number, BAR }) => {
+    const canvas = new OffscreenCanvas(512, 512);
+    const screen = canvas.getContext("2d");
+    const image = screen.createImageData(512, 512);
+    for (let row = 0; row < 512; ++row) {
+      for (let column = 0; column < 512; ++column) {
+        const [x, y] = [column - right, row - down];
+        const waves = 25 * Math.sin((2 * Math.PI * x) / 17) + 25 * Math.sin((2 * Math.PI * (0.4 * x + y)) / 13);
+        const dye = bar && column >= BAR.from && column < BAR.to ? BAR.gray : 0;
+        const at = 4 * (512 * row + column);
+        image.data.fill(Math.round(130 + lift + waves - dye), at, at + 3);
+        image.data[at + 3] = 255;
+      }
+    }
+    screen.putImageData(image, 0, 0);
+    const jpeg = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer()); // without loss
+    const values = { xray_field_mm: 200, picture_mode: 0, picture_instrument: 0, picture_contrast: 0, table_left_mm: 0, ...readings };
+    window.torquer.take({ kind: "picture", held: false, lateral: false, number, timeS, laoRad, craRad: 0, width: 512, height: 512, jpeg });
+    for (const at of [0, 0.01]) window.torquer.take({ kind: "readings", time_s: timeS + at, values });
+  }, { right, down, bar, lift, laoRad, readings, timeS, number, BAR });
+  await until("the pattern is drawn", async () => (await drawn()).picture === number);
+}
+// Mean and deviation of the grays on a canvas between two columns, away from the edges.
+const grays = (from, to, canvas = "#xray-picture") => page.evaluate(([from, to, canvas]) => {
+  const { data } = document.querySelector(canvas).getContext("2d").getImageData(from, 40, to - from, 430);
+  const values = Array.from({ length: data.length / 4 }, (_, k) => data[4 * k]);
+  const mean = values.reduce((sum, value) => sum + value, 0) / values.length;
+  return { mean, sd: Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2, 0) / values.length) };
+}, [from, to, canvas]);
+const press = async (...keys) => { for (const key of keys) await page.keyboard.press(key); };
+const near = (value, expected, bound, what) => assert.ok(Math.abs(value - expected) < bound, `${what}: ${value} is not ${expected}`);
+const EVEN = 0.78 * 255; // as the simulator's own subtraction
+const ROUNDING = 1.5 * Math.sqrt(2 / 12); // of two pictures, at 1.5 times the gain
+
+test("a mask that is moved like the patient leaves the contrast agent alone", async () => {
+  await showPattern({});
+  await press("KeyN");
+  near((await grays(40, 470)).mean, EVEN, 1, "the mask itself");
+  await showPattern({ right: 1.5, down: -0.75, bar: true });
+  const before = await grays(40, 280);
+  // A wave of 25 that moved by an angle leaves 2 * 25 * sin(angle / 2), at 1.5 times the gain.
+  const left = [(2 * Math.PI * 1.5) / 17, (2 * Math.PI * (0.4 * 1.5 - 0.75)) / 13].map((angle) => 1.5 * 50 * Math.sin(Math.abs(angle) / 2));
+  near(before.sd, Math.hypot(...left) / Math.SQRT2, 0.7, "the edges of what moved");
+  await press(...Array(6).fill("Digit6"), ...Array(3).fill("Numpad8"));
+  assert.deepEqual((await page.evaluate(() => window.torquer.mask())).shift, [1.5, -0.75]);
+  assert.equal(await text("#mask-shift"), "→ 1.50 ↑ 0.75 px");
+  const beside = await grays(40, 280);
+  near(beside.mean, EVEN, 0.5, "the gray beside the agent");
+  assert.ok(beside.sd < ROUNDING + 0.2, `${beside.sd} beside the agent`);
+  const inside = await grays(BAR.from + 2, BAR.to - 2);
+  near(beside.mean - inside.mean, 1.5 * BAR.gray, 0.5, "the agent");
+  await page.locator("#mask-4").click();
+  await page.locator("#mask-2").click();
+  assert.equal(await text("#mask-shift"), "→ 1.25 ↑ 0.50 px");
+  await press("Digit5");
+  near((await grays(40, 280)).sd, before.sd, 0.01, "after a reset");
+  await press("Digit0");
+  near((await grays(40, 280)).mean, 130, 0.5, "without a mask");
+  assert.equal(await page.evaluate(() => window.torquer.mask()), null);
+});
+
+test("a picture of a subtracted run becomes the mask, and cannot move", async () => {
+  const readings = { picture_mode: 1 };
+  await showPattern({ lift: 10, readings });
+  await press("KeyN");
+  await showPattern({ lift: -7, readings });
+  const { mean: shown, sd } = await grays(40, 470);
+  near(shown, EVEN - 17, 0.6, "the difference");
+  assert.ok(sd < 0.6, `${sd}`);
+  await press("Digit6");
+  assert.equal(await text("#mask-text"), "Only the mask of a plain run moves");
+  near((await grays(40, 470)).sd, sd, 0.01, "the picture");
+  await press("Digit0");
+});
+
+test("a mask serves its own view and display, and says what it should not have", async () => {
+  await showPattern({ readings: { picture_instrument: 1, picture_contrast: 1 } });
+  await press("KeyN");
+  assert.match(await text("#mask-text"), /^Mask at \d+:\d\d min, with instrument and contrast$/);
+  for (const other of [{ laoRad: 0.1 }, { readings: { table_left_mm: 5 } }, { readings: { xray_field_mm: 100 } }, { readings: { picture_mode: 1 } }]) {
+    await showPattern(other);
+    await until("it is not subtracted", async () => Math.abs((await grays(40, 470)).mean - 130) < 1);
+    assert.equal(await text("#mask-text"), "Mask of another view");
+  }
+  await showPattern({});
+  await until("it is subtracted again", async () => Math.abs((await grays(40, 470)).mean - EVEN) < 1);
+  await showPattern({ readings: { picture_mode: 2 } });
+  await press("KeyN");
+  assert.equal(await text("#mask-text"), "No mask from a road map");
+  await press("Digit0");
+  await showPattern({ readings: { picture_mode: 1, picture_instrument: 1 } });
+  assert.equal(await text("#mask-text"), "Mask, with instrument", "the simulator's own mask");
+});
+
+test("a stopped loop gives the mask, and a stored picture stays as it was shown", async () => {
+  await showPattern({ lift: 0, stepS: 3 });
+  const first = number;
+  for (const lift of [5, 10]) await showPattern({ lift, stepS: 0.1 });
+  await press("Comma", "Comma");
+  await until("the first picture is drawn", async () => (await drawn()).picture === first);
+  assert.match(await text("#loop-number"), /, picture 1 of 3$/);
+  await press("KeyN", "Period");
+  await until("the second one is", async () => (await drawn()).picture === first + 1);
+  near((await grays(40, 470)).mean, EVEN + 7.5, 0.6, "the second picture");
+  await press("KeyO");
+  await until("it is stored", async () => (await drawn()).reference === first + 1);
+  await press("Digit0");
+  near((await grays(40, 470)).mean, 135, 0.6, "the picture without a mask");
+  near((await grays(40, 470, "#reference-picture")).mean, EVEN + 7.5, 0.6, "the stored picture");
+  await press("KeyN");
+  await checkMargins(page, ["#xray-picture"], [[1280, 720], [1024, 768], [420, 860], [860, 420]], 0.3);
+  await press("Digit0", "KeyL");
+  assert.deepEqual(problems, []);
 });
 
 test("another picture takes the measurement; the stored one keeps it", async () => {

@@ -195,6 +195,50 @@ TEST_CASE("Each field has another mask", "[effects]") {
   }
 }
 
+TEST_CASE("The readings tell the display of the newest picture, and what its open part has",
+          "[effects]") {
+  SceneOf scene(kStraight + kVessel);
+  Simulation session(*scene);
+  // The field is 300 mm * 750 / 1050 / 4 wide at the isocenter, 40 mm along the wire, at its tip.
+  constexpr double kHalfMm = 26.7857;
+  double time_s = 0;
+  const auto tick = [&](const Imaging& imaging, double left_mm, double head_mm, bool contrast) {
+    Command command = Chosen(time_s += 0.1, imaging);
+    command.controls.table = {.left_mm = left_mm, .head_mm = head_mm};
+    command.controls.contrast = contrast;
+    Tick(session, command);
+  };
+  const auto read = [&] {
+    return std::vector<double>{Reading(session, "picture_mode"),
+                               Reading(session, "picture_instrument"),
+                               Reading(session, "picture_contrast")};
+  };
+  using Readings = std::vector<double>;
+  CHECK(read() == Readings{-1, -1, -1});
+  Imaging narrow;
+  narrow.magnification = 4;
+  for (const double inside_mm : {0.5, -0.5}) {
+    const double seen = inside_mm > 0 ? 1 : 0;
+    tick(narrow, inside_mm - kHalfMm, 0, false);
+    CHECK(read() == Readings{0, seen, 0});
+    tick(narrow, 0, kHalfMm - inside_mm, false);
+    CHECK(read() == Readings{0, seen, 0});
+    // The patient's left is on the right: this shutter covers the part that has the wire.
+    Imaging shut = narrow;
+    shut.left = 0.25;
+    tick(shut, inside_mm - kHalfMm / 2, 0, false);
+    CHECK(read() == Readings{0, seen, 0});
+  }
+  narrow.mode = Imaging::Mode::kSubtraction;
+  for (int k = 0; k < 20; ++k) tick(narrow, 0, 0, true);
+  CHECK(read() == Readings{1, 1, 1});
+  narrow.mode = Imaging::Mode::kRoadmap;
+  tick(narrow, 0, kHalfMm + 3, true);  // farther than the radius of the vessel
+  CHECK(read() == Readings{2, 0, 0});
+  session.Restart();
+  CHECK(read() == Readings{-1, -1, -1});
+}
+
 TEST_CASE("The simulation itself refuses settings that cannot be chosen", "[effects]") {
   using torquer::simulator::IsValid;
   CHECK(IsValid(Imaging{}));

@@ -18,6 +18,7 @@ void Fluoroscopy::CopyFrom(const Effect& twin) {
   table_ = from.table_;
   mask_view_ = from.mask_view_;
   mask_lost_s_ = from.mask_lost_s_;
+  newest_ = from.newest_;
   taker_.CopyFrom(from.taker_);
   renderer_.CopyFrom(from.renderer_);
   frames_.CopyFrom(from.frames_);
@@ -28,6 +29,7 @@ void Fluoroscopy::Restart() {
   table_ = {};
   mask_view_ = {};
   mask_lost_s_ = -1;
+  newest_ = {};
   taker_.Restart();
 }
 
@@ -50,11 +52,19 @@ std::vector<Reading> Fluoroscopy::Readings() const {
   readings.push_back({"table_head_mm", table_.head_mm});
   readings.push_back({"table_height_mm", table_.height_mm});
   readings.push_back({"mask_lost_s", mask_lost_s_});
+  readings.push_back({"picture_mode", static_cast<double>(newest_.mode)});
+  readings.push_back({"picture_instrument", static_cast<double>(newest_.instrument)});
+  readings.push_back({"picture_contrast", static_cast<double>(newest_.contrast)});
   return readings;
 }
 
 bool Fluoroscopy::Take(const TickView& tick) {
-  if (!taker_.Take(tick, frames_.Draft())) return false;
+  XrayFrame& frame = frames_.Draft();
+  if (!taker_.Take(tick, frame)) return false;
+  const PictureContents contents = ContentsOf(frame, dye_points_, settings_);
+  newest_ = {.mode = static_cast<int>(settings_.ModeOf(frame.controls.imaging)),
+             .instrument = contents.instrument ? 1 : 0,
+             .contrast = contents.contrast ? 1 : 0};
   frames_.Publish();
   return true;
 }

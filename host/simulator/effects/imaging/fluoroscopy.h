@@ -45,12 +45,20 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   float exposure() const { return renderer_.exposure(); }
 
  private:
+  // The picture taken last. -1: none.
+  struct Newest {
+    int mode = -1;
+    int instrument = -1;
+    int contrast = -1;
+  };
+
   const FluoroscopySettings settings_;
   const DyePoints dye_points_;
   DoseMeter dose_;
   Table table_;              // of the last tick
   View mask_view_;           // of the mask; no view without a mask
   double mask_lost_s_ = -1;  // time at which a mask was lost; -1: never
+  Newest newest_;
   FrameTaker taker_;
   Latest<XrayFrame> frames_;
   PictureRenderer renderer_;  // used by the render thread

@@ -38,6 +38,54 @@ DyePoints LayDyePoints(const Contrast* contrast) {
   return dye;
 }
 
+namespace {
+
+/// Open part of a picture.
+class OpenPart {
+ public:
+  OpenPart(const FluoroscopySettings& settings, const Controls& controls)
+      : projection_(settings.ProjectionOf(controls)),
+        left_(controls.imaging.left * settings.arm.width - 0.5),
+        right_((1 - controls.imaging.right) * settings.arm.width - 0.5),
+        top_(controls.imaging.top * settings.arm.height - 0.5),
+        bottom_((1 - controls.imaging.bottom) * settings.arm.height - 0.5) {}
+
+  bool Shows(const Vector3d& point_mm) const {
+    const Vector3d camera_mm = projection_.ToCamera(point_mm);
+    if (!(camera_mm[2] > 0)) return false;
+    const ImagePoint at = projection_.FromCamera(camera_mm);
+    return at.column > left_ && at.column < right_ && at.row > top_ && at.row < bottom_;
+  }
+
+ private:
+  Projection projection_;
+  double left_, right_, top_, bottom_;
+};
+
+}  // namespace
+
+PictureContents ContentsOf(const XrayFrame& frame, const DyePoints& dye,
+                           const FluoroscopySettings& settings) {
+  constexpr double kSeenIntegral = 0.01;
+  const OpenPart open(settings, frame.controls);
+  PictureContents contents;
+  for (const std::vector<WirePoint>& shadow : frame.shadows) {
+    if (std::any_of(shadow.begin(), shadow.end(),
+                    [&open](const WirePoint& point) { return open.Shows(point.position_mm); })) {
+      contents.instrument = true;
+    }
+  }
+  if (!frame.has_dye) return contents;
+  for (std::size_t i = 0; i < dye.points.size() && !contents.contrast; ++i) {
+    const LumenPoint& point = dye.points[i];
+    if (2 * point.radius_mm * static_cast<double>(frame.dye_1_mm[i]) < kSeenIntegral) continue;
+    Vector3d at_mm = point.position_mm;
+    if (!frame.offsets.empty()) at_mm += frame.offsets[i].cast<double>();
+    contents.contrast = open.Shows(at_mm);
+  }
+  return contents;
+}
+
 FrameTaker::FrameTaker(const FluoroscopySettings& settings, const WireModel& wire,
                        const Contrast* contrast, const DyePoints& dye,
                        std::vector<const vessel::FieldMotion*> motions,

@@ -50,6 +50,14 @@ struct XrayFrame {
   std::vector<Eigen::Vector3f> offsets;  ///< of each of DyePoints, if the vessel moves
 };
 
+/// Things in the open part of a picture, between the shutters, that a mask should not have.
+struct PictureContents {
+  bool instrument = false;
+  bool contrast = false;  ///< contrast agent that takes 1 % of the intensity or more
+};
+PictureContents ContentsOf(const XrayFrame& frame, const DyePoints& dye,
+                           const FluoroscopySettings& settings);
+
 /// Decides when a picture is due, and fills its frame.
 class FrameTaker {
  public:

@@ -5,7 +5,8 @@ import type { Picture, Readings } from "./frames.js";
 import { Loops } from "./loops.js";
 import { Measure } from "./measure.js";
 import { PictureCanvas } from "./picture_canvas.js";
-import { FieldTimes } from "./picture_scale.js";
+import { FactTimes, FieldTimes } from "./picture_scale.js";
+import { Subtraction } from "./subtraction.js";
 
 const DEG = 180 / Math.PI;
 const MOST_ZOOM = 4;
@@ -54,7 +55,9 @@ export class Fluoroscopy {
   private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable);
   private readonly reference = new PictureCanvas(element("#reference-picture"), () => {}, this.unreadable, this.changed);
   private readonly fields = new FieldTimes();
+  private readonly facts = new FactTimes();
   readonly measure = new Measure([this.picture, this.reference], this.fields);
+  readonly subtraction = new Subtraction(this.facts, () => this.subtractAgain(), () => this.picture);
   private shown: Picture | null = null; // of the first plane
   private readonly dose = new Rows(element("#dose"));
   private newest: Picture | null = null; // from the simulator
@@ -75,7 +78,7 @@ export class Fluoroscopy {
   /** Shows a picture from the simulator. A new picture ends the playing of a loop. */
   show(picture: Picture): void {
     this.newest = picture;
-    this.loops.add(picture);
+    if (this.loops.add(picture)) this.subtraction.begin(picture);
     if (!this.loops.playing) this.display(picture);
     this.sayLoop();
   }
@@ -103,6 +106,15 @@ export class Fluoroscopy {
 
   get playing(): boolean {
     return this.loops.playing;
+  }
+
+  /** Stops the loop at the next picture, or with -1 at the previous one. */
+  stepLoop(by: number): void {
+    const picture = this.loops.step(by);
+    if (picture === null) return;
+    this.display(picture);
+    this.setAngles(picture.laoRad, picture.craRad);
+    this.sayLoop();
   }
 
   togglePlay(): void {
@@ -142,6 +154,8 @@ export class Fluoroscopy {
     const values = readings.values;
     const fieldMm = values["xray_field_mm"] ?? 0;
     if (fieldMm > 0) this.fields.add(readings.time_s, fieldMm);
+    this.facts.add(readings.time_s, values);
+    if (this.subtraction.look(this.shown)) this.picture.filterAgain();
     if (fieldMm !== this.fieldMm) {
       this.fieldMm = fieldMm;
       setText(element("#field"), fieldMm > 0 ? `field ${(fieldMm / 10).toFixed(0)} cm` : "");
@@ -181,6 +195,8 @@ export class Fluoroscopy {
     this.showReference(false);
     this.reference.clear();
     this.fields.clear();
+    this.facts.clear();
+    this.subtraction.clear();
     this.measure.clear();
     this.fieldMm = 0;
     this.drawScale();
@@ -195,10 +211,16 @@ export class Fluoroscopy {
   store(): void {
     if (this.shown === null) return;
     const { laoRad, craRad, timeS } = this.shown;
+    this.reference.setFilter(this.subtraction.filter);
     this.reference.show(this.shown);
     showSides(element("#reference-sides"), laoRad, craRad);
     setText(element("#reference-text"), `${angle(laoRad, "LAO", "RAO")}  ${angle(craRad, "CRA", "CAU")}  at ${seconds(timeS)}`);
     this.showReference(true);
+  }
+
+  private subtractAgain(): void {
+    this.picture.setFilter(this.subtraction.filter);
+    this.measure.clear();
   }
 
   private showReference(shown: boolean): void {
@@ -208,6 +230,7 @@ export class Fluoroscopy {
 
   private display(picture: Picture): void {
     this.shown = picture;
+    this.subtraction.look(picture);
     this.picture.show(picture);
     showSides(element("#sides"), picture.laoRad, picture.craRad);
   }
@@ -251,7 +274,7 @@ export class Fluoroscopy {
     const button = element("#loop");
     button.setAttribute("aria-pressed", String(this.loops.playing));
     setText(button.firstElementChild!, this.loops.playing ? "Stop" : "Play");
-    setText(element("#loop-number"), `loop ${this.loops.number} of ${this.loops.count}, ${short(this.loops.seconds)} s`);
+    setText(element("#loop-number"), `loop ${this.loops.number} of ${this.loops.count}, ${this.loops.words}`);
     for (const other of ["#loop-before", "#loop-after"]) element<HTMLElement>(other).hidden = this.loops.count < 2;
   }
 

@@ -1,5 +1,6 @@
 // Recorded fluoroscopy: keeps the pictures of each pedal press as a loop that can be played.
 
+import { short } from "./dom.js";
 import type { Picture } from "./frames.js";
 
 const MOST_LOOPS = 8;
@@ -14,18 +15,18 @@ export class Loops {
   private chosen = 0;
   private startedMs = 0;
   private shown = -1;
+  private paused = false; // at the shown picture
   playing = false;
 
-  /** Takes a new picture; a held picture ends the loop. */
-  add(picture: Picture): void {
+  /** Takes a new picture; a held picture ends the loop. Returns true if it begins a loop. */
+  add(picture: Picture): boolean {
     if (picture.held) {
       this.ended = true;
-      return;
+      return false;
     }
     const last = this.loops.at(-1)?.at(-1);
-    if (last === undefined || this.ended || picture.timeS - last.timeS > GAP_S || picture.timeS < last.timeS) {
-      this.loops.push([]);
-    }
+    const begins = last === undefined || this.ended || picture.timeS - last.timeS > GAP_S || picture.timeS < last.timeS;
+    if (begins) this.loops.push([]);
     this.ended = false;
     this.loops.at(-1)!.push(picture);
     this.bytes += picture.jpeg.byteLength;
@@ -34,6 +35,7 @@ export class Loops {
     while (this.loops.length > 1 && (this.loops.length > MOST_LOOPS || this.bytes > MOST_BYTES)) this.drop();
     // A single loop that fills the memory loses its beginning.
     while (this.bytes > MOST_BYTES) this.bytes -= this.loops[0]!.shift()!.jpeg.byteLength;
+    return begins;
   }
 
   clear(): void {
@@ -60,8 +62,24 @@ export class Loops {
   play(nowMs: number): void {
     if (this.loops.length === 0) return;
     this.playing = true;
+    this.paused = false;
     this.startedMs = nowMs;
     this.shown = -1;
+  }
+
+  /** Stops at the next picture, or with -1 at the previous one, and returns it. Without a playing loop it begins at the last picture. */
+  step(by: number): Picture | null {
+    const loop = this.loops[this.chosen];
+    if (loop === undefined) return null;
+    const from = this.playing ? this.shown : loop.length - 1;
+    this.playing = this.paused = true;
+    this.shown = Math.min(Math.max(from + by, 0), loop.length - 1);
+    return loop[this.shown]!;
+  }
+
+  /** "4.2 s", or the place in a loop that is stopped. */
+  get words(): string {
+    return this.playing && this.paused ? `picture ${this.shown + 1} of ${this.loops[this.chosen]!.length}` : `${short(this.seconds)} s`;
   }
 
   stop(): void {
@@ -77,7 +95,7 @@ export class Loops {
   /** The picture for the present time; null if it has not changed since the last call. */
   due(nowMs: number): Picture | null {
     const loop = this.loops[this.chosen];
-    if (!this.playing || loop === undefined) return null;
+    if (!this.playing || this.paused || loop === undefined) return null;
     const placeS = ((nowMs - this.startedMs) / 1000) % (this.seconds + PAUSE_S);
     let index = 0;
     while (index + 1 < loop.length && loop[index + 1]!.timeS - loop[0]!.timeS <= placeS) ++index;

@@ -80,6 +80,7 @@ class Page {
         patient: () => this.patient.shown,
         drawn: () => this.fluoroscopy.drawn,
         measured: () => this.fluoroscopy.measure.measured,
+        mask: () => this.fluoroscopy.subtraction.now,
         take: (message: Incoming) => this.take(message),
         viewer: () => this.viewer,
         cases: () => this.cases.newest,
@@ -344,6 +345,9 @@ class Page {
     if (event.code === "KeyX") this.space.section(!this.space.cuts);
     if (event.code === "KeyL") this.fluoroscopy.togglePlay();
     if (event.code === "KeyO") this.fluoroscopy.store();
+    if (event.code === "Comma") this.fluoroscopy.stepLoop(-1);
+    if (event.code === "Period") this.fluoroscopy.stepLoop(1);
+    this.fluoroscopy.subtraction.keys(event.code);
     if (event.code === "KeyQ") this.fluoroscopy.measure.next();
     if (event.code === "KeyE") this.examine();
     this.xraySystem.next(event.code);

@@ -3,9 +3,14 @@
 import type { Picture } from "./frames.js";
 import type { Gray } from "./vessel_course.js";
 
+/** Grays to show in place of a picture's own; the same array to leave them. */
+export type Filter = (raw: Gray, picture: Picture) => Uint8ClampedArray;
+
 export class PictureCanvas {
   private readonly screen: CanvasRenderingContext2D;
-  private values = new Uint8ClampedArray();
+  private filter: Filter = ({ value }) => value;
+  private own = new Uint8ClampedArray(); // grays of the picture
+  private values = this.own; // after the filter
   private drawn: Picture | null = null;
   private decoding = false;
   private waiting: Picture | null = null;
@@ -26,7 +31,12 @@ export class PictureCanvas {
     return this.drawn;
   }
 
-  /** Its grays, before window and level. */
+  /** Its grays before the filter. */
+  get raw(): Gray {
+    return { ...this.gray, value: this.own };
+  }
+
+  /** Its grays after the filter, before window and level. */
   get gray(): Gray {
     return { width: this.canvas.width, height: this.canvas.height, value: this.values };
   }
@@ -37,6 +47,17 @@ export class PictureCanvas {
     if (!this.decoding) void this.decode();
   }
 
+  setFilter(filter: Filter): void {
+    this.filter = filter;
+    this.filterAgain();
+  }
+
+  filterAgain(): void {
+    if (this.drawn === null) return;
+    this.values = this.filter(this.raw, this.drawn);
+    this.paint();
+  }
+
   setWindow(level: number, width: number): void {
     this.level = level;
     this.width = width;
@@ -45,7 +66,7 @@ export class PictureCanvas {
 
   clear(): void {
     this.waiting = null;
-    this.values = new Uint8ClampedArray();
+    this.values = this.own = new Uint8ClampedArray();
     this.drawn = null;
     this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
@@ -57,7 +78,7 @@ export class PictureCanvas {
       this.waiting = null;
       try {
         const image = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
-        this.take(image);
+        this.take(image, picture);
         image.close();
         this.drawn = picture;
         this.changed();
@@ -68,7 +89,7 @@ export class PictureCanvas {
     this.decoding = false;
   }
 
-  private take(image: ImageBitmap): void {
+  private take(image: ImageBitmap, picture: Picture): void {
     const resized = this.canvas.width !== image.width || this.canvas.height !== image.height;
     if (resized) {
       this.canvas.width = image.width;
@@ -76,9 +97,10 @@ export class PictureCanvas {
     }
     this.screen.drawImage(image, 0, 0);
     const pixels = this.screen.getImageData(0, 0, image.width, image.height).data;
-    if (this.values.length !== pixels.length / 4) this.values = new Uint8ClampedArray(pixels.length / 4);
-    for (let i = 0; i < this.values.length; ++i) this.values[i] = pixels[4 * i]!;
-    if (this.level !== 128 || this.width !== 256) this.paint();
+    if (this.own.length !== pixels.length / 4) this.own = new Uint8ClampedArray(pixels.length / 4);
+    for (let i = 0; i < this.own.length; ++i) this.own[i] = pixels[4 * i]!;
+    this.values = this.filter(this.raw, picture);
+    if (this.level !== 128 || this.width !== 256 || this.values !== this.own) this.paint();
     if (resized) this.resized();
   }
 
