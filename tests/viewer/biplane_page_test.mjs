@@ -1,4 +1,4 @@
-// Biplane page: two planes side by side, and the cost of each effect, in a scene with all effects.
+// Biplane page: two planes side by side, each measured, in a scene with all effects. The cost of each effect.
 // usage: node tests/viewer/biplane_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -81,4 +81,46 @@ test("every effect of the scene has its price, and effects that are not simulate
   assert.match(priced["X-ray picture, beside the ticks"], /^\d.* ms$/);
   assert.ok(off.includes("point_load") && !off.some((name) => effects.includes(name)));
   assert.ok((await page.locator("#prices-off").textContent()).startsWith("Not simulated: "));
+});
+
+test("the second plane is measured with its own field, and keeps its measurement beside new pictures of the first", async () => {
+  const [FIELD_MM, RADIUS_PX] = [120, 14];
+  process.kill(Number(session.read("simulator.pid")), "SIGSTOP");
+  // An upright cylinder: the mean chord over each pixel, blurred by 1/4 1/2 1/4.
+  const show = (number, lateral) => page.evaluate(async ([number, lateral, fieldMm, radius]) => {
+    const chord = (x) => 2 * Math.sqrt(Math.max(radius ** 2 - x ** 2, 0));
+    const over = (x) => Array.from({ length: 16 }, (_, k) => chord(x + (k - 7.5) / 16)).reduce((sum, one) => sum + one / 16, 0);
+    const canvas = new OffscreenCanvas(512, 512);
+    const screen = canvas.getContext("2d");
+    for (let column = 0; column < 512; ++column) {
+      const x = column - 255.5;
+      const gray = Math.round(160 - 2 * (over(x - 1) / 4 + over(x) / 2 + over(x + 1) / 4));
+      screen.fillStyle = `rgb(${gray} ${gray} ${gray})`;
+      screen.fillRect(column, 0, 1, 512);
+    }
+    const jpeg = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer());
+    const timeS = number;
+    window.torquer.take({ kind: "picture", held: false, lateral, number, timeS, laoRad: 1.5, craRad: 0, width: 512, height: 512, jpeg });
+    for (const time_s of [timeS - 0.1, timeS + 0.1]) {
+      window.torquer.take({ kind: "readings", time_s, values: { xray_field_mm: 77, lateral_xray_field_mm: fieldMm } });
+    }
+  }, [number, lateral, FIELD_MM, RADIUS_PX]);
+  const drawn = (plane) => page.evaluate((plane) => window.torquer.drawn()[plane], plane);
+  const measured = () => page.evaluate(() => window.torquer.measured());
+  await show(1001, true);
+  await until("the cylinder is drawn", async () => (await drawn("lateral")) === 1001);
+  for (let k = 0; k < 3 && (await page.locator("#measure span").textContent()) !== "Vessel"; ++k) await page.keyboard.press("KeyQ");
+  const box = await page.locator("#lateral-picture").boundingBox();
+  for (const share of [0.3, 0.6]) await page.mouse.click(box.x + box.width / 2, box.y + share * box.height);
+  const { reference, reason } = await measured();
+  assert.equal(reason, "");
+  const expectedMm = (2 * RADIUS_PX * FIELD_MM) / 512;
+  assert.ok(Math.abs(reference.mm - expectedMm) < (0.15 * FIELD_MM) / 512, `${reference.mm} mm is not ${expectedMm}`);
+  assert.equal(await page.locator("#lateral .measured polyline").count(), 7);
+  await show(1002, false);
+  await until("the first plane has it too", async () => (await drawn("picture")) === 1002);
+  assert.ok((await measured()) !== null);
+  await show(1003, true);
+  await until("a new picture takes it", async () => (await measured()) === null);
+  assert.equal(await page.locator("#lateral .measured polyline").count(), 0);
 });

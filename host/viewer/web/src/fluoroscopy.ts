@@ -52,11 +52,16 @@ export class Fluoroscopy {
   private readonly unreadable = () => this.setHold("A picture was damaged and is not shown");
   private readonly changed = () => this.measure.changed();
   private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable, this.changed);
-  private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable);
+  private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable, this.changed);
   private readonly reference = new PictureCanvas(element("#reference-picture"), () => {}, this.unreadable, this.changed);
   private readonly fields = new FieldTimes();
   private readonly facts = new FactTimes();
-  readonly measure = new Measure([this.picture, this.reference], this.fields);
+  private readonly lateralFields = new FieldTimes();
+  readonly measure = new Measure([
+    { canvas: this.picture, fields: this.fields },
+    { canvas: this.reference, fields: this.fields },
+    { canvas: this.lateral, fields: this.lateralFields },
+  ]);
   readonly subtraction = new Subtraction(this.facts, () => this.subtractAgain(), () => this.picture);
   private shown: Picture | null = null; // of the first plane
   private readonly dose = new Rows(element("#dose"));
@@ -99,9 +104,10 @@ export class Fluoroscopy {
     this.setAngles(picture.laoRad, picture.craRad);
   }
 
-  /** Numbers of the picture and of the reference on the page. */
-  get drawn(): { picture: number | null; reference: number | null } {
-    return { picture: this.picture.picture?.number ?? null, reference: this.reference.picture?.number ?? null };
+  /** Numbers of the pictures on the page. */
+  get drawn(): { picture: number | null; reference: number | null; lateral: number | null } {
+    const [picture, reference, lateral] = [this.picture, this.reference, this.lateral].map((canvas) => canvas.picture?.number ?? null);
+    return { picture: picture!, reference: reference!, lateral: lateral! };
   }
 
   get playing(): boolean {
@@ -154,6 +160,8 @@ export class Fluoroscopy {
     const values = readings.values;
     const fieldMm = values["xray_field_mm"] ?? 0;
     if (fieldMm > 0) this.fields.add(readings.time_s, fieldMm);
+    const lateralMm = values["lateral_xray_field_mm"] ?? 0;
+    if (lateralMm > 0) this.lateralFields.add(readings.time_s, lateralMm);
     this.facts.add(readings.time_s, values);
     if (this.subtraction.look(this.shown)) this.picture.filterAgain();
     if (fieldMm !== this.fieldMm) {
@@ -195,6 +203,7 @@ export class Fluoroscopy {
     this.showReference(false);
     this.reference.clear();
     this.fields.clear();
+    this.lateralFields.clear();
     this.facts.clear();
     this.subtraction.clear();
     this.measure.clear();

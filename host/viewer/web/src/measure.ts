@@ -34,9 +34,14 @@ export interface Measurement {
   narrowing: { percent: number; error: number } | null;
 }
 
-/** A picture on the page with the drawing above it. */
-interface Sheet {
+/** A canvas of the page, and the fields of its pictures. */
+export interface Place {
   canvas: PictureCanvas;
+  fields: FieldTimes;
+}
+
+/** A picture on the page with the drawing above it. */
+interface Sheet extends Place {
   drawing: SVGSVGElement;
   of: Picture | null; // picture that the points belong to
   points: Point[];
@@ -47,13 +52,13 @@ export class Measure {
   private tool: Tool = "off";
   private result: Measurement | null = null;
 
-  constructor(canvases: readonly PictureCanvas[], private readonly fields: FieldTimes) {
-    this.sheets = canvases.map((canvas) => {
+  constructor(places: readonly Place[]) {
+    this.sheets = places.map(({ canvas, fields }) => {
       const drawing = document.createElementNS(SVG, "svg");
       drawing.classList.add("measured");
       drawing.setAttribute("aria-hidden", "true");
       canvas.canvas.after(drawing);
-      const sheet = { canvas, drawing, of: null, points: [] };
+      const sheet = { canvas, fields, drawing, of: null, points: [] };
       let [x, y] = [0, 0];
       canvas.canvas.addEventListener("pointerdown", (event) => ([x, y] = [event.clientX, event.clientY]));
       canvas.canvas.addEventListener("click", (event) => {
@@ -131,7 +136,7 @@ export class Measure {
 
   private measure(sheet: Sheet, from: Point, to: Point): void {
     const { gray } = sheet.canvas;
-    const field = this.fields.at(sheet.of!.timeS);
+    const field = sheet.fields.at(sheet.of!.timeS);
     const pixel: Known = "mm" in field ? { mm: field.mm / gray.width } : field;
     const length = (px: number, errorPx: number): Measured =>
       "mm" in pixel ? { px, mm: px * pixel.mm, errorMm: errorPx * pixel.mm } : { px, mm: null, errorMm: null };
