@@ -47,6 +47,17 @@ void Check(const Command& command, const Scene& scene) {
   }
 }
 
+void CheckTime(double time_s, double before_s, bool begun) {
+  if (!std::isfinite(time_s)) {
+    throw Error(fmt::format("time_s is {}, not a finite number; give seconds, {} {}", time_s,
+                            begun ? "more than" : "at least", before_s));
+  }
+  if (begun ? time_s > before_s : time_s >= before_s) return;
+  throw Error(
+      fmt::format("time_s is {}, not later than the previous command at {}; give increasing times",
+                  time_s, before_s));
+}
+
 std::vector<double> InMilli(const std::vector<double>& values) {
   std::vector<double> out;
   for (const double value : values) out.push_back(1e3 * value);
@@ -140,12 +151,7 @@ StepReport Simulation::Step(const Command& command,
   Impl& all = impl();
   const auto hold = all.usage.Change();
   const double before_s = all.rows.command().time_s;
-  const bool after = all.rows.begun() ? command.time_s > before_s : command.time_s >= before_s;
-  if (!after || !std::isfinite(command.time_s)) {
-    throw Error(fmt::format(
-        "time_s is {}, not later than the previous command at {}; give increasing times",
-        command.time_s, before_s));
-  }
+  CheckTime(command.time_s, before_s, all.rows.begun());
   Check(command, all.scene);
   // Ends the step in the past also if `after_tick` throws.
   struct Recording {

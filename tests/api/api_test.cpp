@@ -409,8 +409,9 @@ TEST_CASE("Unusable values are refused without effect", "[api]") {
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   refuse([](Command& c) { c.time_s = -1; }, "give increasing times");
-  refuse([&](Command& c) { c.time_s = nan; }, "give increasing times");
-  refuse([](Command& c) { c.time_s = std::numeric_limits<double>::infinity(); }, "time_s is inf");
+  refuse([&](Command& c) { c.time_s = nan; }, "time_s is nan, not a finite number");
+  refuse([](Command& c) { c.time_s = std::numeric_limits<double>::infinity(); },
+         "time_s is inf, not a finite number; give seconds, at least 0");
   refuse([](Command& c) { c.hands.clear(); }, "hands has 0 entries");
   refuse([](Command& c) { c.hands.emplace_back(); }, "hands has 2 entries");
   refuse([&](Command& c) { c.hands[0].insertion_mm = nan; }, "guidewire");

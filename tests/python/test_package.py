@@ -247,7 +247,7 @@ def test_record_and_contacts(beating):
     "time_s, hands, said",
     [
         (-1.0, None, "give increasing times"),
-        (float("nan"), None, "give increasing times"),
+        *((float(v), None, f"time_s is {v}, not a finite number; give seconds, at least 0") for v in ("nan", "inf")),
         (1.0, [[0, 0], [0, 0]], "2 entries"),
         (1.0, [0, 0], r"shape \(2\)"),
         (1.0, [[0, 0, 0]], r"shape \(1, 3\)"),
