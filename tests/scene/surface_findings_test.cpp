@@ -11,7 +11,7 @@
 namespace {
 
 // Findings on a curve that begins `before_mm` before the end of its tube.
-std::string FindingsOn(double before_mm) {
+std::string FindingsOn(double before_mm, double radius_mm = 3) {
   const torquer::test::TemporaryFolder folder;
   torquer::vessel::WriteObj(folder.Path("tube.obj"),
                             torquer::vessel::MakeTubeMesh(40, 12, 40, [](double) { return 3.0; }));
@@ -19,7 +19,7 @@ std::string FindingsOn(double before_mm) {
   std::ofstream(folder.Path("curves/main.mrk.json"))
       << R"({"markups": [{"type": "Curve", "controlPoints": [{"position": [)" << -before_mm
       << R"(, 0, 0]}, {"position": [30, 0, 0]}], "measurements": )"
-      << R"([{"name": "Radius", "controlPointValues": [3, 3]}]}]})";
+      << R"([{"name": "Radius", "controlPointValues": [3, )" << radius_mm << "]}]}]}";
   std::ofstream(folder.Path("test.toml")) << R"(name = "test"
 [vessel]
 kind = "surface"
@@ -57,4 +57,16 @@ TEST_CASE("A curve that begins outside runs outside up to the surface", "[scene]
   REQUIRE(said.substr(0, before.size()) == before);
   // The surface lies 2.5 mm along the curve, and its field is as exact as a voxel allows.
   CHECK(std::stod(said.substr(before.size())) == Approx(2.5).margin(0.2));
+}
+
+TEST_CASE("A radius in the wrong unit is refused by the room in the surface", "[scene]") {
+  // The tube has the radius 3 mm. A real vessel may be half as wide as its curve says.
+  CHECK(FindingsOn(0, 6).empty());
+  CHECK(FindingsOn(0, 14).empty());
+  CHECK_THROWS_WITH(FindingsOn(0, 30),
+                    Catch::Contains("test.toml:") &&
+                        Catch::Contains("curves/main.mrk.json: the Radius 30.0 mm") &&
+                        Catch::Contains("at (30.0, 0.0, 0.0) mm, is 30 mm") &&
+                        Catch::Contains("but the wall is nowhere more than 2.") &&
+                        Catch::Contains("name the unit of the radii in \"units\""));
 }

@@ -75,4 +75,28 @@ LumenReport CheckPlace(const ClearanceField& field, const CenterlineNetwork& cen
   return report;
 }
 
+std::optional<TooLargeRadius> FindTooLargeRadius(const CenterlineNetwork& network,
+                                                 const DistanceSource& surface) {
+  constexpr double kFactor = 5;
+  constexpr int kLeastPoints = 20;
+  TooLargeRadius largest;
+  int points = 0;
+  for (const Centerline& curve : network.curves()) {
+    for (double s_mm = 0; s_mm <= curve.length_mm(); s_mm += 1) {
+      const CenterlineSample at = curve.At(s_mm);
+      const double room_mm = surface.Distance(at.position_mm);
+      if (room_mm <= 0) continue;
+      ++points;
+      largest.room_mm = std::max(largest.room_mm, room_mm);
+      if (at.radius_mm <= largest.radius_mm) continue;
+      largest.curve = curve.name();
+      largest.at_mm = s_mm;
+      largest.position_mm = at.position_mm;
+      largest.radius_mm = at.radius_mm;
+    }
+  }
+  if (points < kLeastPoints || largest.radius_mm <= kFactor * largest.room_mm) return std::nullopt;
+  return largest;
+}
+
 }  // namespace torquer::vessel

@@ -1,11 +1,13 @@
-// Lumen check: decides if a wire can begin at a place.
+// Lumen check: decides if a wire can begin at a place, and if radii of centerlines fit the surface.
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 
 #include "host/simulator/core/clearance_field.h"
 #include "host/simulator/vessel/centerline.h"
+#include "host/simulator/vessel/distance_source.h"
 
 namespace torquer::vessel {
 
@@ -28,5 +30,20 @@ struct LumenReport {
 LumenReport CheckPlace(const ClearanceField& field, const CenterlineNetwork& centerlines,
                        const Eigen::Vector3d& point_mm, const Eigen::Vector3d& direction,
                        double wire_radius_mm);
+
+/// Radius of a network that is too large for its vessel, as after an error of its unit.
+struct TooLargeRadius {
+  std::string curve;
+  double at_mm = 0;  ///< arc length of the point with the largest radius
+  Eigen::Vector3d position_mm;
+  double radius_mm = 0;
+  double room_mm = 0;  ///< largest distance of the wall from any curve
+};
+
+/// Compares the radii with the distances to the wall at points each millimeter. A radius above five
+/// times the largest distance is too large; in real vessels the factor is 1.3 to 1.5. Curves with
+/// less than 20 mm in the lumen are not compared.
+std::optional<TooLargeRadius> FindTooLargeRadius(const CenterlineNetwork& network,
+                                                 const DistanceSource& surface);
 
 }  // namespace torquer::vessel

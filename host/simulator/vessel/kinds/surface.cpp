@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "host/simulator/vessel/length_unit.h"
+#include "host/simulator/vessel/lumen_check.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/patient_space.h"
 #include "host/support/error.h"
@@ -53,6 +56,18 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
   return keys;
 }
 
+void RefuseTooLargeRadius(const Vessel& vessel, const std::string& folder) {
+  const auto found = FindTooLargeRadius(vessel.centerlines, vessel.surface->surface());
+  if (!found) return;
+  const Eigen::Vector3d& at = found->position_mm;
+  throw UserError(fmt::format(
+      "{}/{}.mrk.json: the Radius {:.1f} mm along the curve, at ({:.1f}, {:.1f}, {:.1f}) mm, is "
+      "{:.4g} mm, but the wall is nowhere more than {:.4g} mm from a centerline; name the unit of "
+      "the radii in \"units\" of the measurement, or compute them again",
+      folder, found->curve, found->at_mm, at.x(), at.y(), at.z(), found->radius_mm,
+      found->room_mm));
+}
+
 // vessel.contents holds the surface alone.
 void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folder, Vessel& vessel) {
   try {
@@ -60,6 +75,7 @@ void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folde
     vessel.centerlines =
         ParseSlicerCurves(files, SpaceOfSurface(vessel.contents.front()), &vessel.findings);
     for (CurveFile& file : files) vessel.contents.push_back(std::move(file.contents));
+    RefuseTooLargeRadius(vessel, (folder / *spec.centerlines).string());
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
   }
