@@ -214,7 +214,8 @@ TEST_CASE("The readings tell the display of the newest picture, and what its ope
                                Reading(session, "picture_contrast")};
   };
   using Readings = std::vector<double>;
-  CHECK(read() == Readings{-1, -1, -1});
+  const auto is_unknown = [](double value) { return std::isnan(value); };
+  CHECK(std::ranges::all_of(read(), is_unknown));
   Imaging narrow;
   narrow.magnification = 4;
   for (const double inside_mm : {0.5, -0.5}) {
@@ -236,7 +237,7 @@ TEST_CASE("The readings tell the display of the newest picture, and what its ope
   tick(narrow, 0, kHalfMm + 3, true);  // farther than the radius of the vessel
   CHECK(read() == Readings{2, 0, 0});
   session.Restart();
-  CHECK(read() == Readings{-1, -1, -1});
+  CHECK(std::ranges::all_of(read(), is_unknown));
 }
 
 TEST_CASE("The simulation itself refuses settings that cannot be chosen", "[effects]") {

@@ -52,9 +52,9 @@ std::vector<Reading> Fluoroscopy::Readings() const {
   readings.push_back({"table_head_mm", table_.head_mm});
   readings.push_back({"table_height_mm", table_.height_mm});
   readings.push_back({"mask_lost_s", mask_lost_s_});
-  readings.push_back({"picture_mode", static_cast<double>(newest_.mode)});
-  readings.push_back({"picture_instrument", static_cast<double>(newest_.instrument)});
-  readings.push_back({"picture_contrast", static_cast<double>(newest_.contrast)});
+  readings.push_back({"picture_mode", newest_.mode});
+  readings.push_back({"picture_instrument", newest_.instrument});
+  readings.push_back({"picture_contrast", newest_.contrast});
   return readings;
 }
 
@@ -62,9 +62,9 @@ bool Fluoroscopy::Take(const TickView& tick) {
   XrayFrame& frame = frames_.Draft();
   if (!taker_.Take(tick, frame)) return false;
   const PictureContents contents = ContentsOf(frame, dye_points_, settings_);
-  newest_ = {.mode = static_cast<int>(settings_.ModeOf(frame.controls.imaging)),
-             .instrument = contents.instrument ? 1 : 0,
-             .contrast = contents.contrast ? 1 : 0};
+  newest_ = {.mode = static_cast<double>(settings_.ModeOf(frame.controls.imaging)),
+             .instrument = contents.instrument ? 1.0 : 0.0,
+             .contrast = contents.contrast ? 1.0 : 0.0};
   frames_.Publish();
   return true;
 }

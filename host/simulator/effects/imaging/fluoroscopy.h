@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -45,11 +46,12 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   float exposure() const { return renderer_.exposure(); }
 
  private:
-  // The picture taken last. -1: none.
+  // The picture taken last. NaN: none.
   struct Newest {
-    int mode = -1;
-    int instrument = -1;
-    int contrast = -1;
+    double mode = kUnknown;
+    double instrument = kUnknown;
+    double contrast = kUnknown;
+    static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   };
 
   const FluoroscopySettings settings_;

@@ -69,7 +69,7 @@ export class FactTimes {
 
   add(timeS: number, values: Record<string, number | null>): void {
     const mode = values["picture_mode"];
-    if (typeof mode !== "number" || mode < 0) return;
+    if (typeof mode !== "number") return;
     const view = ["xray_field_mm", "table_left_mm", "table_head_mm", "table_height_mm"].map((name) => values[name]).join(" ");
     const facts: Facts = { mode, view, instrument: values["picture_instrument"] === 1, contrast: values["picture_contrast"] === 1 };
     this.times.add(timeS, JSON.stringify(facts));
