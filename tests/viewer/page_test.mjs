@@ -130,6 +130,8 @@ test("the X-ray system is set by keys: mode, pulses, field, shutters", async () 
     ["plain", "7.5 pulses/s", "field ×2", "shutters 10 %"]);
   await hold("Space", "the shutters", async () => (await pixel(0.05, 0.5)) === 0 && (await pixel(0.5, 0.95)) === 0);
   assert.ok((await pixel(0.5, 0.5)) > 30, "the middle is covered");
+  assert.equal(await text("#mask-text"), "", "a plain run has no mask");
+  await checkMargins(page, ["#xray-picture"], [[1024, 768], [860, 420]], 0.6);
   await until("another scale", async () => (await text("#scale")) !== scale);
   for (const key of ["KeyM", "KeyM", "KeyM", "KeyR", "KeyR", "KeyR", "KeyZ", "KeyZ", "KeyK", "KeyK", "KeyK"]) await page.keyboard.press(key);
   await until("all as the scene", async () =>
