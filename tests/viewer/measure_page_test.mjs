@@ -198,7 +198,7 @@ async function showPattern({ right = 0, down = 0, bar = false, lift = 0, laoRad 
     for (let row = 0; row < 512; ++row) {
       for (let column = 0; column < 512; ++column) {
         const [x, y] = [column - right, row - down];
-        const waves = 25 * Math.sin((2 * Math.PI * x) / 17) + 25 * Math.sin((2 * Math.PI * (0.4 * x + y)) / 13);
+        const waves = 25 * Math.sin((2 * Math.PI * x) / 9) + 25 * Math.sin((2 * Math.PI * (0.4 * x + y)) / 13);
         const dye = bar && column >= BAR.from && column < BAR.to ? BAR.gray : 0;
         const at = 4 * (512 * row + column);
         image.data.fill(Math.round(130 + lift + waves - dye), at, at + 3);
@@ -232,7 +232,7 @@ test("a mask that is moved like the patient leaves the contrast agent alone", as
   await showPattern({ right: 1.5, down: -0.75, bar: true });
   const before = await grays(40, 280);
   // A wave of 25 that moved by an angle leaves 2 * 25 * sin(angle / 2), at 1.5 times the gain.
-  const left = [(2 * Math.PI * 1.5) / 17, (2 * Math.PI * (0.4 * 1.5 - 0.75)) / 13].map((angle) => 1.5 * 50 * Math.sin(Math.abs(angle) / 2));
+  const left = [(2 * Math.PI * 1.5) / 9, (2 * Math.PI * (0.4 * 1.5 - 0.75)) / 13].map((angle) => 1.5 * 50 * Math.sin(Math.abs(angle) / 2));
   near(before.sd, Math.hypot(...left) / Math.SQRT2, 0.7, "the edges of what moved");
   await press(...Array(6).fill("Digit6"), ...Array(3).fill("Numpad8"));
   assert.deepEqual((await page.evaluate(() => window.torquer.mask())).shift, [1.5, -0.75]);
