@@ -1,5 +1,6 @@
 """Cases from surfaces and centerlines of other programs: the same vessel from every kind of file, and refused ones."""
 
+import json
 import os
 import subprocess
 import sys
@@ -7,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 import torquer
-from torquer.importer import _given, surface
+from torquer.importer import _given, case, surface
 from vtkmodules.vtkIOGeometry import vtkOBJWriter
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
 from vtkmodules.vtkIOPLY import vtkPLYWriter
@@ -130,6 +131,58 @@ def test_lines_of_vmtk_that_share_their_trunk_are_a_tree(tmp_path):
     vmtk_file(tmp_path / "apart.vtp", [way(TRUNK), way(((50, 0, 0), (60, 0, 0), 2.0))])
     with pytest.raises(torquer.Error, match=r"at \(50\.0, 0\.0, 0\.0\) mm meets no other"):
         _given.read_lines(tmp_path / "apart.vtp", "mm", "LPS", None)
+
+
+def slicer_curve(path, points, system):
+    """A curve as 3D Slicer saves it, with a point that was not placed."""
+    turn = [-1, -1, 1] if system == "RAS" else [1, 1, 1]
+    placed = [{"position": list(point * turn), "positionStatus": "defined"} for point in np.asarray(points, float)]
+    points = [*placed, {"position": [0, 0, 500], "positionStatus": "undefined"}]
+    markup = {"type": "Curve", "coordinateSystem": system, "controlPoints": points}
+    path.write_text(json.dumps({"markups": [markup]}))
+
+
+def test_edited_curves_are_a_tree_with_radii_of_the_surface(vessel, tmp_path):
+    curves = tmp_path / "curves"
+    curves.mkdir()
+    # Two far points in LPS, and a start 2 mm beside the trunk's line.
+    slicer_curve(curves / "b.mrk.json", [(0, 0, 4), (0, 0, 50), LEFT[1]], "LPS")
+    slicer_curve(curves / "a.mrk.json", [(2, 0, 50), RIGHT[1]], "RAS")
+    found, facts = _given.read_curves(curves, vessel, None)
+    assert len(found) == 2 and found[1].parent == 0 and facts[0].startswith("2 curves")
+    assert np.allclose(found[0].points[[0, -1]], [(0, 0, 4), LEFT[1]]) and np.allclose(found[1].points[-1], RIGHT[1])
+    assert np.linalg.norm(found[0].points - found[1].points[0], axis=1).min() < 0.6, "it begins on the first"
+    for curve, tube in zip(found, (LEFT, RIGHT)):
+        beyond = (curve.points[:, 2] > 65) & (curve.points[:, 2] < 80)
+        assert np.allclose(curve.radii[beyond], depth(curve.points[beyond], tube), atol=0.3), "it lies beside the middle"
+    assert abs(found[0].radii[20] - 5) < 0.3
+    assert np.allclose(_given.read_curves(curves, vessel, LEFT[1])[0][0].points[0], LEFT[1]), "another root"
+    entries = case.entries_of(found)
+    assert case.first_entry(entries).name == "c01 end", "the lowest"
+    assert case.entry_at(entries, np.array(LEFT[1])).name == "c00 end"
+    entries[0] = case.Entry("narrow", np.zeros(3), np.eye(3)[2], 0.3)
+    with pytest.raises(torquer.Error, match="--entry=0,1,2: the nearest tip, narrow, has a radius of 0.30 mm, less than 0.36"):
+        case.entry_at(entries, np.array([0, 1, 2]))
+
+
+def test_refused_curves(vessel, tmp_path):
+    with pytest.raises(torquer.Error, match=r"holds no curve \(.mrk.json\)"):
+        _given.read_curves(tmp_path, vessel, None)
+    slicer_curve(tmp_path / "a.mrk.json", [(0, 0, 4), (0, 0, 50), LEFT[1]], "LPS")
+    good = (tmp_path / "a.mrk.json").read_text()
+    for old, new, said in [
+        ('"LPS"', '"IJK"', "field coordinateSystem is 'IJK', not LPS or RAS"), ("Curve", "Fiducial", "is not one curve"),
+        ('"defined"', '"preview"', "field controlPoints has no two places"), ("{", "[", "is not one curve"),
+        ('"type"', '"coordinateUnits": "pc", "type"', "field coordinateUnits is 'pc', not one of mm, m"),
+    ]:
+        (tmp_path / "a.mrk.json").write_text(good.replace(old, new))
+        with pytest.raises(torquer.Error) as caught:
+            _given.read_curves(tmp_path, vessel, None)
+        assert f"{tmp_path}/a.mrk.json: {said}" in str(caught.value) and "save it again" in str(caught.value), new
+    (tmp_path / "a.mrk.json").write_text(good)
+    slicer_curve(tmp_path / "b.mrk.json", [(50, 0, 50), (60, 0, 50)], "LPS")
+    with pytest.raises(torquer.Error, match=r"at \(50\.0, 0\.0, 50\.0\) mm meets no other one; move its first point onto"):
+        _given.read_curves(tmp_path, vessel, None)
 
 
 def test_refused_surfaces(vessel, tmp_path):

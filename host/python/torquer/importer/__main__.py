@@ -87,7 +87,10 @@ def _from_surface(
         facts.append(f"Surface: {before} triangles were reduced to {len(mesh.triangles)}, with the volume kept.")
     curves = None
     if arguments.centerlines is not None:
-        curves, said = _given.read_lines(arguments.centerlines, arguments.mesh_unit, space, root)
+        if os.path.isdir(arguments.centerlines):
+            curves, said = _given.read_curves(arguments.centerlines, mesh, root)
+        else:
+            curves, said = _given.read_lines(arguments.centerlines, arguments.mesh_unit, space, root)
         facts += said
     return mesh, curves, facts
 
@@ -95,6 +98,7 @@ def _from_surface(
 def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: _command.Progress) -> str:
     """Makes all files in a folder; returns a description."""
     root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
+    at: Optional[Any] = None if arguments.entry is None else _point("--entry", arguments.entry)
     curves: Optional[List[centerlines.Curve]] = None
     shown = ""
     if _given.is_surface(arguments.scan):
@@ -109,7 +113,7 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
     facts.append(f"{len(curves)} centerlines, {sum(float(curve.lengths_mm()[-1]) for curve in curves):.0f} mm.")
     progress.step("Scene")
     entries = case.entries_of(curves)
-    entry = case.first_entry(entries)
+    entry = case.first_entry(entries) if at is None else case.entry_at(entries, at)
     origin = pathlib.Path(arguments.scan).resolve().name
     text = case.scene_text(name, re.sub(r"[^\w. -]", "_", origin), curves, entry, shown)
     (folder / f"{name}.toml").write_text(text)
@@ -185,8 +189,12 @@ def arguments_of(words: Optional[List[str]] = None) -> argparse.Namespace:
     parser.add_argument("--series", metavar="N", type=int, help="number of the series in a folder with several")
     parser.add_argument("--mesh-unit", metavar="UNIT", choices=UNITS, help="SCAN is a surface in this unit: mm, m, cm, um or in")
     parser.add_argument("--space", choices=_given.SPACES, help="coordinate system of a surface that does not name it (default: LPS)")
-    parser.add_argument("--centerlines", metavar="FILE", help="centerlines of VMTK (.vtp) in the unit and the space of a surface")
+    parser.add_argument(
+        "--centerlines", metavar="FILE",
+        help="for a surface: centerlines of VMTK (.vtp) in its unit and space, or a folder of curves of 3D Slicer (.mrk.json)",
+    )
     parser.add_argument("--root", metavar="L,P,S", help="the blood enters at the tip nearest to this place (default: the widest)")
+    parser.add_argument("--entry", metavar="L,P,S", help="the wire enters at the tip nearest to this place (default: the lowest)")
     parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
     return parser.parse_args(words)
 

@@ -1,8 +1,9 @@
-"""Surfaces and centerlines that another program made: STL, OBJ, PLY, VTP and VTK, and lines of VMTK."""
+"""Surfaces and centerlines that another program made: STL, OBJ, PLY, VTP and VTK, lines of VMTK, curves of 3D Slicer."""
 
 from __future__ import annotations
 
 import os
+import pathlib
 import re
 from typing import Any, List, Optional, Tuple
 
@@ -10,9 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Surface
+from .._polyline import resampled
+from .._user_file import load_json, read_text
 from ..centerlines import MM, Line, read_vtp, without_trunks
 from ._base import Error, Points, as_text, need
-from .centerlines import Curve, clamp
+from .centerlines import STEP_MM, Curve, clamp, wall_of
 from .scan import Path
 from .surface import Mesh, from_vtk
 
@@ -21,8 +24,11 @@ ENDINGS = (".stl", ".obj", ".ply", *_BY_VTK)
 """Ends of the names of surfaces."""
 SPACES = ("LPS", "RAS")
 _HEADER_BYTES = 1000
-# An end of a line joins another one within this share of its radius there.
-_JOINS = 0.25
+# An end of a line joins another one within this share of its radius there. A hand is less exact than a program.
+_JOINS, _JOINS_BY_HAND = 0.25, 0.75
+# Points of curves lie closer than that, so that the nearest one tells the distance.
+_FINE_MM = 0.25
+_BY_VMTK, _BY_HAND = "compute all lines from one source by vmtkcenterlines", "move its first point onto another curve"
 
 
 def is_surface(path: Path) -> bool:
@@ -118,14 +124,57 @@ def read_lines(path: Path, mesh_unit: str, space: str, root_mm: Optional[Any]) -
     read = read_vtp(path)
     lines = without_trunks(read)
     lines = [Line(in_lps(MM[mesh_unit] * line.points, space), MM[mesh_unit] * line.radii) for line in lines]
-    curves = _tree(os.fspath(path), lines, root_mm)
+    curves = _tree(_Lines(os.fspath(path), lines, _JOINS, _BY_VMTK), root_mm)
     return curves, [f"{len(read)} lines of {os.fspath(path)} are a tree of {len(curves)} branches."]
+
+
+def read_curves(folder: Path, mesh: Mesh, root_mm: Optional[Any]) -> Tuple[List[Curve], List[str]]:
+    """Tree of the curves of 3D Slicer in a folder, such as edited ones, and sentences about it.
+
+    Their radii are the distances to the surface `mesh`, because an edited curve has left those of its file.
+    """
+    paths = sorted(pathlib.Path(folder).glob("*.mrk.json"))
+    if not paths:
+        raise Error(f"{os.fspath(folder)}: holds no curve (.mrk.json); save the centerlines there from 3D Slicer")
+    read = [resampled(_slicer_points(path), _FINE_MM) for path in paths]
+    wall = need("scipy.spatial").cKDTree(wall_of(mesh))
+    lines = [Line(points, wall.query(points)[0]) for points in read]
+    # The longest first, because the tree begins at its first point.
+    lines.sort(key=lambda line: -len(line.points))
+    curves = _tree(_Lines(os.fspath(folder), lines, _JOINS_BY_HAND, _BY_HAND), root_mm)
+    for curve in curves:
+        curve.points = resampled(curve.points, STEP_MM)
+        curve.radii = np.maximum(0.05, wall.query(curve.points)[0])
+        if curve.parent is not None:
+            curve.radii = clamp(curve.radii, curve.points, curves[curve.parent])
+    return curves, [f"{len(paths)} curves of {os.fspath(folder)} are a tree of {len(curves)} branches; radii by the surface."]
+
+
+def _slicer_points(path: pathlib.Path) -> Points:
+    """Control points of a curve, in LPS and mm."""
+    again = "save it again as .mrk.json from 3D Slicer"
+    try:
+        markups = load_json(read_text(path))["markups"]
+        (markup,) = [one for one in markups if one["type"] == "Curve"]
+        placed = [one for one in markup["controlPoints"] if one.get("positionStatus", "defined") == "defined"]
+        points = np.array([one["position"] for one in placed], float)
+        system, unit = markup.get("coordinateSystem", "LPS"), markup.get("coordinateUnits", "mm")
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise Error(f"{path}: is not one curve with points (markups, controlPoints, position); {again}") from None
+    if system not in SPACES:
+        raise Error(f"{path}: field coordinateSystem is {str(system)[:20]!r}, not LPS or RAS; {again}")
+    if not isinstance(unit, str) or unit not in MM:
+        raise Error(f"{path}: field coordinateUnits is {str(unit)[:20]!r}, not one of {', '.join(MM)}; {again}")
+    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2 or not (np.abs(points) < 1e5).all():
+        raise Error(f"{path}: field controlPoints has no two places of three numbers; {again}")
+    return in_lps(MM[unit] * points, system)
 
 
 class _Lines:
     """Graph of the points of all lines."""
 
-    def __init__(self, path: str, lines: List[Line]) -> None:
+    def __init__(self, path: str, lines: List[Line], joins: float, remedy: str) -> None:
+        self._joins, self._remedy = joins, remedy
         every = np.vstack([line.points for line in lines])
         self.points, first, number = np.unique(every, axis=0, return_index=True, return_inverse=True)
         self.radii = np.concatenate([line.radii for line in lines])[first]
@@ -147,7 +196,7 @@ class _Lines:
             others = np.unique(np.concatenate([other for n, other in enumerate(numbers) if n != k]))
             ends = some[[0, -1]]
             distances, nearest = tree(self.points[others]).query(self.points[ends])
-            near = distances <= _JOINS * np.maximum(self.radii[ends], self.radii[others[nearest]])
+            near = distances <= self._joins * np.maximum(self.radii[ends], self.radii[others[nearest]])
             found = np.vstack([found, np.column_stack([ends, others[nearest]])[near]])
         return found
 
@@ -160,12 +209,11 @@ class _Lines:
         if parts > 1:
             lost = self.points[np.flatnonzero(part != part[self.first])[0]]
             raise Error(
-                f"{path}: the line at {as_text(lost)} mm meets no other one; compute all lines from one source by vmtkcenterlines"
+                f"{path}: the line at {as_text(lost)} mm meets no other one; {self._remedy}"
             )
 
 
-def _tree(path: str, lines: List[Line], root_mm: Optional[Any]) -> List[Curve]:
-    graph = _Lines(path, lines)
+def _tree(graph: _Lines, root_mm: Optional[Any]) -> List[Curve]:
     root = graph.first
     if root_mm is not None:
         ends = np.flatnonzero(np.bincount(graph.pairs.ravel(), minlength=len(graph.points)) == 1)

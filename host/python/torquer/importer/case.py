@@ -10,7 +10,7 @@ import numpy as np
 
 from .._polyline import arcs_of, at_arcs
 from . import views
-from ._base import need, unit
+from ._base import Error, need, unit
 from .centerlines import Curve
 from .surface import Mesh
 
@@ -23,6 +23,8 @@ ANTERIOR, LEFT = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 # The aorta's mean flow, mL/s, in a root of this radius, mm, and Murray's cube for others.
 _AORTA_ML_S, _AORTA_MM = 80.0, 12.0
 _TIP_MM, _TIP_DEG = 15.0, 45.0
+# Radius of a 0.014-inch wire.
+_THIN_MM = 0.178
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +60,17 @@ def first_entry(entries: List[Entry]) -> Entry:
     """The lowest tip other than the root with room for a 0.014-inch wire, or the root."""
     wide = [entry for entry in entries[1:] if entry.radius_mm > _ROOM * 0.4445]
     return min(wide, key=lambda entry: float(entry.point_mm[2])) if wide else entries[0]
+
+
+def entry_at(entries: List[Entry], place: Any) -> Entry:
+    """The entry nearest to a place. Raises Error if no wire fits there."""
+    nearest = min(entries, key=lambda entry: float(np.linalg.norm(entry.point_mm - place)))
+    if nearest.radius_mm < _ROOM * _THIN_MM:
+        raise Error(
+            f"--entry={','.join(f'{value:g}' for value in place)}: the nearest tip, {nearest.name}, has a radius of "
+            f"{nearest.radius_mm:.2f} mm, less than {_ROOM * _THIN_MM:.2f} mm for the thinnest wire; give a place at a wider one"
+        )
+    return nearest
 
 
 def bend_of_tip(direction: Any, anterior: Any = ANTERIOR, left: Any = LEFT) -> Tuple[float, float]:
@@ -96,7 +109,7 @@ def is_thick(entry: Entry) -> bool:
 
 def wire_text(thick: bool, direction: Any, length_mm: float, anterior: Any = ANTERIOR, left: Any = LEFT) -> str:
     """Table of the wire, which enters in a direction of the vessel's file."""
-    radius, rigidity = (0.4445, "1, 1, 1, 100, 300") if thick else (0.178, "0.2, 0.2, 0.2, 3, 30")
+    radius, rigidity = (0.4445, "1, 1, 1, 100, 300") if thick else (_THIN_MM, "0.2, 0.2, 0.2, 3, 30")
     one, two = bend_of_tip(direction, anterior, left)
     return f"""# {'A 0.035-inch' if thick else 'A 0.014-inch'} wire, which fits the entry. Rigidity: as in the scene {'neuro_arch' if thick else 'coronary'}.
 [[instrument]]

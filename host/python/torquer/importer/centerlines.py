@@ -37,7 +37,8 @@ _COVER, _COVER_MM = 1.3, 2.0
 _OUTSIDE, _LEAST_RADII, _LEAST_MM = 1.15, 2.5, 3.0
 _MOST_CURVES = 200
 _ROUNDS, _PUSH, _SMOOTHING = 80, 0.3, 0.35
-_STEP_MM = 1.0
+STEP_MM = 1.0
+"""Distance of a curve's points."""
 # A branch lies on its parent's line within this share of its radius.
 _ON_LINE = 0.25
 # A path ends in a corner of a flat end. Its end is cut where the radius is below this share of that before.
@@ -76,6 +77,18 @@ def sample(mesh: Mesh, step_mm: float, seed: int = 1) -> Tuple[Points, Points]:
     _, first = np.unique(np.floor(points / step_mm).astype(np.int64), axis=0, return_index=True)
     chosen = which[first]
     return points[first], vectors[chosen] / np.maximum(areas[chosen], 1e-30)[:, None]
+
+
+def _step_mm(mesh: Mesh) -> float:
+    """Distance of points on the surface that show its narrow vessels."""
+    area = float(np.linalg.norm(mesh.area_vectors(), axis=1).sum())
+    fine_mm = float(np.clip(_STEP_SHARE * abs(mesh.volume_mm3()) / area, *_STEPS_MM))
+    return max(fine_mm, float(np.sqrt(area / _MOST_POINTS)))
+
+
+def wall_of(mesh: Mesh) -> Points:
+    """Points on the surface, dense enough for the distance from a centerline to the wall."""
+    return np.vstack([sample(mesh, _step_mm(mesh) / 2)[0], mesh.points])
 
 
 class _Graph:
@@ -222,7 +235,7 @@ def _centered(points: Points, wall: Any, wall_points: Points) -> Points:
         shift[1:-1] += _SMOOTHING * ((points[:-2] + points[2:]) / 2 - points[1:-1])
         shift -= np.einsum("ij,ij->i", shift, tangents)[:, None] * tangents
         points = points + shift
-    return resampled(points, _STEP_MM)
+    return resampled(points, STEP_MM)
 
 
 def _without_corner(points: Points, radii: Floats) -> int:
@@ -230,7 +243,7 @@ def _without_corner(points: Points, radii: Floats) -> int:
     last = len(points)
     while last > 4:
         before = float(np.median(radii[max(0, last - 12) : max(1, last - 2)]))
-        if radii[last - 1] >= _END_SHARE * before or len(points) - last > 2 * before / _STEP_MM:
+        if radii[last - 1] >= _END_SHARE * before or len(points) - last > 2 * before / STEP_MM:
             break
         last -= 1
     return last
@@ -248,7 +261,7 @@ def _nearest_on(points: Points, point: Any) -> Tuple[Any, int]:
 def _joined(curve: Points, parent: Curve) -> Points:
     """The curve from the place where it leaves the parent's line; its first point is moved there."""
     distances, nearest = need("scipy.spatial").cKDTree(parent.points).query(curve)
-    away = np.flatnonzero(distances > _ON_LINE * parent.radii[nearest] + _STEP_MM / 2)
+    away = np.flatnonzero(distances > _ON_LINE * parent.radii[nearest] + STEP_MM / 2)
     first = max(0, int(away[0]) - 1) if len(away) else len(curve) - 1
     place, _ = _nearest_on(parent.points, curve[first])
     return np.vstack([place, curve[first + 1 :]])
@@ -271,22 +284,19 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
     root_mm: the first curve begins at the tip nearest to this point; default: the tip of the widest vessel. Raises
     Error if the surface encloses no lumen.
     """
-    area = float(np.linalg.norm(mesh.area_vectors(), axis=1).sum())
-    fine_mm = float(np.clip(_STEP_SHARE * abs(mesh.volume_mm3()) / area, *_STEPS_MM))
-    step_mm = max(fine_mm, float(np.sqrt(area / _MOST_POINTS)))
-    points, normals = sample(mesh, step_mm)
+    points, normals = sample(mesh, _step_mm(mesh))
     graph = _Graph(points, normals)
     if root_mm is None:
         root = _root(graph)
     else:
         deep = np.flatnonzero(graph.is_deep)
         root = int(deep[np.linalg.norm(graph.points[deep] - np.asarray(root_mm, float), axis=1).argmin()])
-    wall_points = np.vstack([sample(mesh, step_mm / 2)[0], mesh.points])
+    wall_points = wall_of(mesh)
     wall = need("scipy.spatial").cKDTree(wall_points)
     curves: List[Curve] = []
     kept: List[Optional[int]] = []
     for path, parent in _branches(graph, root):
-        line = _centered(resampled(graph.points[path], _STEP_MM), wall, wall_points)
+        line = _centered(resampled(graph.points[path], STEP_MM), wall, wall_points)
         above = None
         if parent is not None:
             above = kept[parent]
