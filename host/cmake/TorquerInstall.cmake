@@ -21,6 +21,9 @@ torquer_install_data(${data} COMPONENT common)
 set(wheel torquer/share/torquer COMPONENT wheel EXCLUDE_FROM_ALL)
 torquer_install_data(${wheel})
 torquer_install_mesh_licenses(${wheel})
+# 3D Slicer finds the module in the folder that its settings name.
+install(DIRECTORY host/slicer/Torquer DESTINATION ${data}/slicer COMPONENT python
+  FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY calibration/ DESTINATION ${data}/calibration COMPONENT programs
   FILES_MATCHING PATTERN "*.toml" PATTERN "*.script")
 install(FILES hardware/udev/70-torquer.rules DESTINATION lib/udev/rules.d COMPONENT programs)

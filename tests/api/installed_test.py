@@ -96,6 +96,9 @@ def main():
         check("Python does the same",
               run("/usr/bin/python3", "-B", "-c", steps, scene, env=python) == said)
 
+        module = {path.name for path in (prefix / "share/torquer/slicer/Torquer").rglob("*")}
+        check("the module for 3D Slicer is whole", {"Torquer.py", "TorquerLib", "case.py", "run.py", "states.py"} <= module)
+
         parts = pathlib.Path(folder) / "parts"
         for part in ("library", "development", "python", "common", "programs", "documentation"):
             run("cmake", "--install", BUILD, "--prefix", parts, "--component", part)
