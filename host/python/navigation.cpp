@@ -126,16 +126,16 @@ void Navigation::Conclude() {
   FindOnRoute(memory_.route.size());
   fact(Fact::kWallForce_mN) = Force();
   fact(Fact::kTime_s) = simulation_.time_s();
-  memory_.worst_mN = memory_.worst_unconverged_mN = 0;
-  memory_.any_converged = false;
+  memory_.worst_mN = 0;
+  memory_.any_unknown = false;
 }
 
-// Mark of a step that reached the target: 0 or 1. NaN without a converged step, or if only others
-// exceeded the limit.
+// Mark of a step that reached the target: 0 or 1. NaN if no known force exceeded the limit, and one
+// is not known.
 double Navigation::SafeSuccess() const {
   if (memory_.worst_mN > task_.force_limit_mN) return 0;
   if (std::isinf(task_.force_limit_mN)) return 1;
-  return memory_.any_converged && memory_.worst_unconverged_mN <= task_.force_limit_mN ? 1 : NAN;
+  return memory_.any_unknown ? NAN : 1;
 }
 
 void Navigation::CheckStart(const NavigationStart& start) {
@@ -182,7 +182,7 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
         std::clamp(hand.insertion_mm + task_.longest_mm * feed, 0.0, lengths_mm_[k]);
     hand.rotation_rad += task_.largest_turn_rad * std::clamp(action[2 * k + 1], -1.0, 1.0);
   }
-  const StepReport report = simulation_.Step(command, after_tick);
+  simulation_.Step(command, after_tick);
   ++memory_.steps;
   const Point tip = Tip();
   const double before_mm = fact(Fact::kRemaining_mm);
@@ -190,9 +190,8 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
   memory_.tip = tip;
   FindOnRoute(kReach);
   const double force_mN = Force();
-  double& worst_mN = report.converged ? memory_.worst_mN : memory_.worst_unconverged_mN;
-  worst_mN = std::max(worst_mN, force_mN);
-  memory_.any_converged = memory_.any_converged || report.converged;
+  memory_.worst_mN = std::fmax(memory_.worst_mN, force_mN);
+  memory_.any_unknown = memory_.any_unknown || std::isnan(force_mN);
   const bool there = Distance(tip, memory_.route.back()) <= task_.within_mm;
   fact(Fact::kWallForce_mN) = force_mN;
   fact(Fact::kTerminated) = there;

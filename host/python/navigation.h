@@ -33,8 +33,8 @@ struct NavigationStart {
   std::vector<Point> route = {};  ///< as in the task; empty: the task's value
 };
 
-/// Results of a step or a reset; numpy sees them as the rows of an array. The value of kSafeSuccess
-/// is NaN if forces of steps without convergence decide it.
+/// Results of a step or a reset; numpy sees them as the rows of an array. NaN: not known.
+/// kWallForce_mN is NaN in a step that did not converge. So is kSafeSuccess if it depends on one.
 enum class Fact {
   kReward,
   kTerminated,
@@ -60,9 +60,8 @@ struct NavigationMemory {
   std::size_t nearest = 0;  ///< index of the nearest point of the route
   bool begun = false;       ///< true after the first reset
   int steps = 0;
-  double worst_mN = 0;              ///< in steps that converged
-  double worst_unconverged_mN = 0;  ///< in the other ones
-  bool any_converged = false;
+  double worst_mN = 0;       ///< in steps that converged
+  bool any_unknown = false;  ///< true after a step that did not converge
   std::array<double, kFacts> facts = {};
 };
 

@@ -35,7 +35,7 @@ py::tuple ToTuple(const NavigationState& state) {
   const NavigationMemory& memory = state.memory;
   return py::make_tuple(py::bytes(state.simulation), ToRows(memory.route), memory.tip,
                         memory.nearest, memory.begun, memory.steps, memory.worst_mN,
-                        memory.worst_unconverged_mN, memory.any_converged, memory.facts);
+                        memory.any_unknown, memory.facts);
 }
 
 // A cast would take None for False.
@@ -53,9 +53,8 @@ NavigationState ToState(const py::tuple& saved) {
                        .begun = ToBool(saved[4]),
                        .steps = saved[5].cast<int>(),
                        .worst_mN = saved[6].cast<double>(),
-                       .worst_unconverged_mN = saved[7].cast<double>(),
-                       .any_converged = ToBool(saved[8]),
-                       .facts = saved[9].cast<std::array<double, kFacts>>()}};
+                       .any_unknown = ToBool(saved[7]),
+                       .facts = saved[8].cast<std::array<double, kFacts>>()}};
   } catch (const std::exception&) {
     throw Error("the saved environment is damaged; save it again");
   }

@@ -165,12 +165,11 @@ void SessionCourse::CountTick(const torquer_lcm::wire_state_t& state) {
 
 void SessionCourse::Add(const torquer_lcm::readings_t& readings) {
   const std::optional<double> now = FindReading(readings, "wall_force_largest_mN");
-  if (!now) return;
   // A peak between two messages shows in the largest force so far.
   const double ever_mN =
       FindReading(readings, "wall_force_largest_ever_mN").value_or(wall_force_ever_mN_);
-  const bool settled = last_ && readings.tick == last_->number && last_->converged;
-  if (!settled) unsettled_force_mN_.Add(readings.time_s, *now);
+  const bool settled = now && last_ && readings.tick == last_->number && last_->converged;
+  if (now && !settled) unsettled_force_mN_.Add(readings.time_s, *now);
   if (ever_mN > wall_force_ever_mN_) {
     wall_force_mN_.Add(readings.time_s, settled ? std::max(*now, ever_mN) : ever_mN);
   } else if (settled) {

@@ -187,7 +187,8 @@ void SensitivityTracker::Observe(const effects::TickView& tick) {
                                  .state = variant.wire->state(),
                                  .quadratic = variant.wire->model(),
                                  .report = report,
-                                 .rods = &variant.wire->rods()};
+                                 .rods = &variant.wire->rods(),
+                                 .relaxed_at_start = tick.relaxed_at_start};
     for (const std::unique_ptr<effects::Effect>& effect : variant.scene->effects()) {
       if (effects::Observer* observer = ObserverOf(*effect)) observer->Observe(view);
     }

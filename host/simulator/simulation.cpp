@@ -125,7 +125,8 @@ void Simulation::Restart() {
   for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) effect->Restart();
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
   if (tracker_ != nullptr) tracker_->Restart();
-  state_ = scene_.MakeStart(*relaxation_);
+  bool is_relaxed = false;
+  state_ = scene_.MakeStart(*relaxation_, &is_relaxed);
   target_ = scene_.start();
   controls_ = {};
   done_.clear();
@@ -139,7 +140,7 @@ void Simulation::Restart() {
   report_.dissipated_mJ = relaxation_->Current().dissipated_mJ;
   report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
   Observe();
-  RunEffects(0, effects::Controls());
+  RunEffects(0, effects::Controls(), is_relaxed);
 }
 
 void Simulation::CopyFrom(const Simulation& twin) {
@@ -248,7 +249,8 @@ void Simulation::Priced(std::size_t effect, Act&& act) {
   }
 }
 
-void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
+void Simulation::RunEffects(double step_s, const effects::Controls& controls,
+                            bool relaxed_at_start) {
   if (evolutions_.empty() && observers_.empty() && images_.empty()) return;
   const effects::TickView tick{.time_s = time_s_,
                                .step_s = step_s,
@@ -257,7 +259,8 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
                                .state = state_,
                                .quadratic = relaxation_->Current(),
                                .report = report_,
-                               .rods = &relaxation_->rods()};
+                               .rods = &relaxation_->rods(),
+                               .relaxed_at_start = relaxed_at_start};
   for (const auto& [evolution, effect] : evolutions_) {
     Priced(effect, [&, role = evolution] { role->Advance(tick); });
   }

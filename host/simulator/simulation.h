@@ -155,7 +155,7 @@ class Simulation {
   void Observe();
   void Relax(WorkBudget& budget);
   TickReport RelaxToTarget(WorkBudget& budget);
-  void RunEffects(double step_s, const effects::Controls& controls);
+  void RunEffects(double step_s, const effects::Controls& controls, bool relaxed_at_start = false);
   void CopyTracker(const Simulation& twin);
 
   scene::Scene& scene_;

@@ -11,19 +11,25 @@ import torquer
 import torquer.envs
 
 
-def test_safety_is_not_known_where_no_step_converged():
-    scene = torquer.Scene("ty_phantom").with_values({"relaxation.budget_units": 4})
+@pytest.mark.parametrize("budget_units, any_converged", [(4, False), (20, True)])
+def test_safety_is_not_known_after_a_step_that_did_not_converge(budget_units, any_converged):
+    scene = torquer.Scene("ty_phantom").with_values({"relaxation.budget_units": budget_units})
     task = torquer.envs.Task("main", 140.0, force_limit_mN=1e6, tolerance=1e-10)
     env = torquer.envs.NavigationEnv(scene, task)
     many = torquer.envs.VectorEnv(scene, 1, task=task)
     env.reset(options={"rotation_rad": 0.0})
     _, info = many.reset(options={"rotation_rad": 0.0})
     assert info["_safe_success"].all()
+    forces_mN = []
     for _ in range(400):
-        *_, terminated, truncated, info = env.step([1.0, 0.0])
+        observation, _, terminated, truncated, info = env.step([1.0, 0.0])
         *_, infos = many.step([[1.0, 0.0]])
+        assert np.isfinite(observation).all()
+        np.testing.assert_equal(infos["wall_force_mN"][0], info["wall_force_mN"])
+        forces_mN.append(info["wall_force_mN"])
         if terminated or truncated:
             break
+    assert np.isnan(forces_mN).any() and np.isfinite(forces_mN).any() == any_converged
     assert info["success"] and info["safe_success"] is None
     assert infos["success"][0] and not infos["safe_success"][0] and not infos["_safe_success"][0]
 

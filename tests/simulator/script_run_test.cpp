@@ -100,6 +100,41 @@ TEST_CASE("States have forces only if the scene names internal_forces", "[simula
   CHECK(hands_mN == Approx(-contacts_mN - moment * moment / (2 * 16.35)).margin(1e-3));
 }
 
+TEST_CASE("Forces are null in the rows that did not converge", "[simulator]") {
+  const bool converges = GENERATE(true, false);
+  const SceneFile file(std::string(torquer::test::kMicrocatheter) +
+                       "[effects.wall_force]\nthreshold_mN = 0.5\n[effects.internal_forces]\n"
+                       "[effects.clearance]\n[effects.self_contact]\n" +
+                       (converges ? "" : "[relaxation]\nbudget_units = 1\ntolerance = 1e-9\n"));
+  Write(file.Beside("s.csv"), std::string(kHeader) + "0,-1,0\n0.001,-4,0.1\n0.002,-7,0.3\n");
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  torquer::program::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")});
+  for (const nlohmann::json& row : Rows(file.Beside("s.jsonl"))) {
+    REQUIRE((row["status"].get<int>() & 1) == (converges ? 1 : 0));
+    int forces = 0;
+    for (const auto& [name, value] : row.items()) {
+      const bool is_force = name == "line_load_mN_mm" || name == "tension_mN" ||
+                            name == "bending_mN_mm" || name == "twisting_mN_mm" ||
+                            name == "wall_line_load_mN_mm" || name == "wall_force_largest_mN" ||
+                            name == "wall_force_sum_mN" || name == "wall_force_tip_mN" ||
+                            name == "wall_pressure_kPa" || name == "wall_tip_pressure_kPa" ||
+                            name.find("hand_") != std::string::npos ||
+                            name == "lumen_force_sum_mN" || name == "lumen_force_end_mN" ||
+                            name == "self_contact_force_sum_mN";
+      INFO(name);
+      if (is_force) {
+        ++forces;
+        CHECK((value.is_array() ? value[3] : value).is_null() == !converges);
+      } else if (name == "contact_force_mN") {
+        CHECK(value[3][0].is_null() == !converges);
+      } else if (name == "energy_mJ" || name == "max_penetration_um" || name == "lumen_offset_mm") {
+        CHECK(value.is_number());  // of the shape, whether it is relaxed or not
+      }
+    }
+    CHECK(forces == 17);
+  }
+}
+
 TEST_CASE("With room in a lumen states have the nodes of every instrument", "[simulator]") {
   const bool room = GENERATE(false, true);
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +

@@ -242,7 +242,8 @@ struct Reading {
   double value = 0;  ///< NaN: not known
 };
 
-/// Forces along the wire at every node of Simulation::nodes_mm().
+/// Forces along the wire at every node of Simulation::nodes_mm(). NaN: not known, because the last
+/// tick did not converge.
 struct Forces {
   std::vector<Point> contact_mN;        ///< force of the wall on the wire
   std::vector<double> line_load_mN_mm;  ///< load of the wall

@@ -67,9 +67,10 @@ class NavigationEnv(Env):  # type: ignore[misc]
     both in a dict. The finite bounds of the space are valid for all motions.
 
     Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has "success" (the
-    target was reached) and "safe_success" (success without a force above the limit). If forces of steps without
-    convergence decide "safe_success", it is None. `info` also has "wall_force_mN", "path_mm" of the tip, "remaining_mm"
-    along the route and "time_s". The "target" is a centerline, with its "target_at_mm".
+    target was reached) and "safe_success" (success without a force above the limit). The forces of a step that did not
+    converge are not known: "wall_force_mN" is then NaN, and "safe_success" None if it depends on them. `info` also has
+    "path_mm" of the tip, "remaining_mm" along the route and "time_s". The "target" is a centerline, with its
+    "target_at_mm".
 
     scene: a scene, its file, or a function of a numpy.random.Generator that returns a scene. Each reset calls the function,
     by the seed. All of its scenes must have the same instruments and the task's centerlines.

@@ -84,7 +84,7 @@ class State:
         return out
 
 
-def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
+def _numbers(where: str, field: str, value: Any, columns: int, may_be_unknown: bool = False) -> Array:
     shape = f"a list of {'[x, y, z]' if columns == 3 else 'numbers'}"
     remedy = "write the file again with torquer-simulator --states"
     rows = value if isinstance(value, list) else None
@@ -92,16 +92,17 @@ def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
         raise Error(f"{where}: field {field} is {str(value)[:40]}, not {shape}; {remedy}")
     if not 1 <= len(rows) <= _MOST_NODES:
         raise Error(f"{where}: field {field} has {len(rows)} entries, not 1 to {_MOST_NODES}; {remedy}")
+    kinds = (int, float, type(None)) if may_be_unknown else (int, float)  # null: not known
     for k, row in enumerate(rows):
         parts = row if columns == 3 and isinstance(row, list) else [row]
-        if len(parts) != columns or any(type(part) not in (int, float) for part in parts):
+        if len(parts) != columns or any(type(part) not in kinds for part in parts):
             raise Error(f"{where}: field {field}[{k}] is {str(row)[:40]}; {field} is {shape}; {remedy}")
     # A number that a double cannot hold becomes infinite here, or cannot be converted.
     try:
         out = np.array(rows, float)
     except OverflowError:
         out = np.array([np.inf])
-    if not np.isfinite(out).all():
+    if np.isinf(out).any():
         raise Error(f"{where}: field {field} holds a number that is not finite; {remedy}")
     return out
 
@@ -125,7 +126,7 @@ def _parse_state(where: str, line: bytes) -> State:
     data = {}
     for field, columns in _NODE_FIELDS.items():
         if field in fields:
-            data[field] = _numbers(where, field, fields[field], columns)
+            data[field] = _numbers(where, field, fields[field], columns, may_be_unknown=True)
             if len(data[field]) != len(nodes):
                 raise Error(
                     f"{where}: field {field} has {len(data[field])} entries for {len(nodes)} nodes; "

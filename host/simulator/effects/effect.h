@@ -131,6 +131,10 @@ struct TickView {
   const QuadraticModel& quadratic;
   const TickReport& report;
   const CombinedRods* rods = nullptr;  ///< of the curves; null if no relaxation made the state
+  bool relaxed_at_start = false;  ///< true for the relaxed wire at the start, which has no report
+
+  /// Contact forces are undefined until the solver has converged. False: they are not known.
+  bool KnowsForces() const { return report.converged || relaxed_at_start; }
 };
 
 /// Number found by an effect, for display and records.

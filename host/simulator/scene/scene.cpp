@@ -355,14 +355,16 @@ std::unique_ptr<ShadowWire> Scene::MakeShadow() {
   return std::make_unique<ShadowWire>(*stack_, WireField(), wall_, std::move(terms));
 }
 
-WireState Scene::MakeStart(Relaxation& relaxation) const {
+WireState Scene::MakeStart(Relaxation& relaxation, bool* converged) const {
   const InstrumentPoses here = start();
   WireState state = WireState::Along(stack_->empty_rod(), entry_.start_path_mm, here);
   relaxation.Restart(state);
-  for (int tick = 0; tick < 20; ++tick) {
+  bool is_relaxed = false;
+  for (int tick = 0; tick < 20 && !is_relaxed; ++tick) {
     CountedBudget budget(budget_units_);
-    if (relaxation.Tick(here, budget, state).converged) break;
+    is_relaxed = relaxation.Tick(here, budget, state).converged;
   }
+  if (converged != nullptr) *converged = is_relaxed;
   return state;
 }
 

@@ -85,8 +85,9 @@ class Scene {
   std::unique_ptr<ShadowWire> MakeShadow();
   /// Places of the instruments at the start.
   InstrumentPoses start() const;
-  /// Wire at the start: without insertion, or laid along the start path and relaxed.
-  WireState MakeStart(Relaxation& relaxation) const;
+  /// Wire at the start: without insertion, or laid along the start path and relaxed. `converged`:
+  /// true if that succeeded; may be null.
+  WireState MakeStart(Relaxation& relaxation, bool* converged = nullptr) const;
 
  private:
   struct Twin {

@@ -175,16 +175,19 @@ class SceneRun {
   }
 
   void CheckForces() {
-    const auto are_finite = [](const std::vector<double>& values) {
-      return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+    // Forces of a tick that did not converge are not known.
+    const bool known = session_.report().converged;
+    const auto are_finite = [known](const std::vector<double>& values) {
+      return std::all_of(values.begin(), values.end(),
+                         [known](double v) { return known ? std::isfinite(v) : std::isnan(v); });
     };
     if (const InternalForces* forces = session_.forces(); forces != nullptr) {
       for (const Vector3d& force : forces->contact_N) {
-        if (!force.allFinite()) Object("a contact force is not finite");
+        if (known != force.allFinite()) Object("a contact force is ", force.transpose());
       }
       if (!are_finite(forces->line_load_N_mm) || !are_finite(forces->tension_N) ||
           !are_finite(forces->bending_mJ) || !are_finite(forces->twisting_mJ)) {
-        Object("an internal force is not finite");
+        Object("an internal force is not finite, or known without convergence");
       }
       for (const double load : forces->line_load_N_mm) {
         if (load < 0) Object("a line load is ", load);

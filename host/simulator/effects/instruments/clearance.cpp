@@ -1,6 +1,7 @@
 #include "host/simulator/effects/instruments/clearance.h"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 
 namespace torquer::effects {
@@ -15,7 +16,8 @@ void ClearanceObserver::CopyFrom(const Effect& twin) {
 }
 
 void ClearanceObserver::Observe(const TickView& tick) {
-  pressed_N_ = end_pressed_N_ = offset_mm_ = 0;
+  pressed_N_ = end_pressed_N_ = tick.KnowsForces() ? 0 : std::numeric_limits<double>::quiet_NaN();
+  offset_mm_ = 0;
   for (const BetweenCurves& between : tick.quadratic.between) {
     if (between.beside) continue;
     pressed_N_ += between.pressed_N;

@@ -1,5 +1,7 @@
 #include "host/simulator/effects/instruments/self_contact.h"
 
+#include <limits>
+
 namespace torquer::effects {
 
 void SelfContactObserver::CopyFrom(const Effect& twin) {
@@ -7,7 +9,7 @@ void SelfContactObserver::CopyFrom(const Effect& twin) {
 }
 
 void SelfContactObserver::Observe(const TickView& tick) {
-  pressed_N_ = 0;
+  pressed_N_ = tick.KnowsForces() ? 0 : std::numeric_limits<double>::quiet_NaN();
   for (const BetweenCurves& between : tick.quadratic.between) {
     if (between.inner == between.outer || between.turned_back) pressed_N_ += between.pressed_N;
   }

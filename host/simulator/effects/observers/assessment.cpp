@@ -150,10 +150,10 @@ bool Assessment::IsDeepInBranch(const Eigen::Vector3d& tip) const {
   return true;
 }
 
-// A force above the limit in a tick that did not converge leaves the safety unknown.
+// The forces of a tick that did not converge are not known: they leave the safety unknown.
 double Assessment::SafeSuccess() const {
   if (!target_reached() || force_.largest_ever_mN() > task_.force_limit_mN) return 0;
-  return force_.largest_unconverged_mN() > task_.force_limit_mN ? kUnknown : 1;
+  return force_.missed_any() ? kUnknown : 1;
 }
 
 std::vector<Reading> Assessment::Readings() const {

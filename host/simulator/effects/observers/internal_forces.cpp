@@ -1,6 +1,8 @@
 #include "host/simulator/effects/observers/internal_forces.h"
 
+#include <algorithm>
 #include <cassert>
+#include <limits>
 
 #include "host/simulator/effects/contact/friction_between.h"
 
@@ -19,11 +21,13 @@ void InternalForceObserver::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const InternalForceObserver&>(twin);
   forces_ = from.forces_;
   hands_ = from.hands_;
+  at_hands_ = from.at_hands_;
 }
 
 void InternalForceObserver::Restart() {
   forces_ = {};
   hands_ = {};
+  at_hands_ = {};
 }
 
 void InternalForceObserver::Observe(const TickView& tick) {
@@ -32,13 +36,28 @@ void InternalForceObserver::Observe(const TickView& tick) {
   FindInternalForces(rods[tick.state.FarthestCurve()], tick.state, tick.quadratic, terms_, forces_);
   hands_.Find(rods, tick.state, tick.quadratic, forces_,
               sliding_ == nullptr ? Sliding() : *sliding_);
+  at_hands_ = hands_.hands();
+  if (!tick.KnowsForces()) Forget();
+}
+
+// The curve keeps its nodes, each with unknown forces.
+void InternalForceObserver::Forget() {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  for (Eigen::Vector3d& force_N : forces_.contact_N) force_N.setConstant(kUnknown);
+  for (std::vector<double>* values :
+       {&forces_.line_load_N_mm, &forces_.tension_N, &forces_.bending_mJ, &forces_.twisting_mJ}) {
+    std::fill(values->begin(), values->end(), kUnknown);
+  }
+  forces_.clamp_force_N.setConstant(kUnknown);
+  forces_.clamp_moment_mJ.setConstant(kUnknown);
+  at_hands_.fill({.axial_N = kUnknown, .torque_mJ = kUnknown});
 }
 
 std::vector<Reading> InternalForceObserver::Readings() const {
   std::vector<Reading> readings;
   for (std::size_t k = 0; k < names_.size(); ++k) {
-    readings.push_back({names_[k] + ".hand_force_mN", 1e3 * hands_.hands()[k].axial_N});
-    readings.push_back({names_[k] + ".hand_torque_mN_mm", 1e3 * hands_.hands()[k].torque_mJ});
+    readings.push_back({names_[k] + ".hand_force_mN", 1e3 * at_hands_[k].axial_N});
+    readings.push_back({names_[k] + ".hand_torque_mN_mm", 1e3 * at_hands_[k].torque_mJ});
   }
   return readings;
 }

@@ -10,6 +10,7 @@
 
 namespace torquer::effects {
 
+/// Forces of a tick that did not converge are not known: they are NaN.
 class InternalForceObserver final : public Effect, public Observer {
  public:
   /// `context` needs its instruments. Friction between instruments is that of the
@@ -22,16 +23,17 @@ class InternalForceObserver final : public Effect, public Observer {
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
   const InternalForces* AlongWire() const override { return &forces_; }
-  const std::array<HandForce, kMostInstruments>* AtHands() const override {
-    return &hands_.hands();
-  }
+  const std::array<HandForce, kMostInstruments>* AtHands() const override { return &at_hands_; }
 
  private:
+  void Forget();
+
   std::vector<std::string> names_;
   std::vector<EnergyTerm*> terms_;
   const Sliding* sliding_ = nullptr;  ///< null without friction between instruments
   InternalForces forces_;
   HandForces hands_;
+  std::array<HandForce, kMostInstruments> at_hands_{};
 };
 
 EffectKind InternalForcesKind();

@@ -20,8 +20,9 @@ void WallForce::CopyFrom(const Effect& twin) {
   tip_pressure_peak_kPa_ = from.tip_pressure_peak_kPa_;
   peak_mN_ = from.peak_mN_;
   impulse_mNs_ = from.impulse_mNs_;
+  knows_forces_ = from.knows_forces_;
   any_converged_ = from.any_converged_;
-  unconverged_mN_ = from.unconverged_mN_;
+  missed_any_ = from.missed_any_;
   above_ = from.above_;
   events_ = from.events_;
   unconverged_s_ = from.unconverged_s_;
@@ -33,10 +34,10 @@ void WallForce::CopyFrom(const Effect& twin) {
 void WallForce::Restart() {
   largest_mN_ = sum_mN_ = tip_mN_ = pressure_kPa_ = tip_pressure_kPa_ = 0;
   peak_mN_ = tip_pressure_peak_kPa_ = impulse_mNs_ = seconds_above_ = event_mN_ = 0;
-  unconverged_s_ = unconverged_mN_ = 0;
+  unconverged_s_ = 0;
   event_began_s_ = -1;
   events_ = 0;
-  above_ = any_converged_ = false;
+  above_ = any_converged_ = knows_forces_ = missed_any_ = false;
 }
 
 // Adds a contact. Its point stands for the wire between the middles of the pieces beyond it and
@@ -124,9 +125,10 @@ void WallForce::FindForces(const TickView& tick) {
 
 void WallForce::Observe(const TickView& tick) {
   FindForces(tick);
+  knows_forces_ = tick.KnowsForces();
+  missed_any_ = missed_any_ || !knows_forces_;
   if (!tick.report.converged) {
     unconverged_s_ += tick.step_s;
-    unconverged_mN_ = std::max(unconverged_mN_, largest_mN_);
     return;
   }
   any_converged_ = true;
@@ -146,12 +148,12 @@ void WallForce::Observe(const TickView& tick) {
 
 std::vector<Reading> WallForce::Readings() const {
   return {
-      {"wall_force_largest_mN", largest_mN_},
-      {"wall_force_sum_mN", sum_mN_},
-      {"wall_force_tip_mN", tip_mN_},
+      {"wall_force_largest_mN", largest_mN()},
+      {"wall_force_sum_mN", sum_mN()},
+      {"wall_force_tip_mN", tip_mN()},
       {"wall_line_load_mN_mm", line_load_mN_mm()},
-      {"wall_pressure_kPa", pressure_kPa_},
-      {"wall_tip_pressure_kPa", tip_pressure_kPa_},
+      {"wall_pressure_kPa", pressure_kPa()},
+      {"wall_tip_pressure_kPa", tip_pressure_kPa()},
       {"wall_force_largest_ever_mN", largest_ever_mN()},
       {"wall_tip_pressure_ever_kPa", tip_pressure_ever_kPa()},
       {"wall_force_impulse_mNs", impulse_mNs()},

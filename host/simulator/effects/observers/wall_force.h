@@ -12,9 +12,10 @@ namespace torquer::effects {
 /// Normal forces of the last tick, and number and duration of the times above a threshold.
 ///
 /// The force of a contact is the sum over a patch: a stretch with the scene's patch length. The
-/// largest such sum counts. So it does not depend on the segmentation of the wire. A tick that did
-/// not converge shows its forces, but they count for no peak, event or impulse. Its time is counted
-/// separately. Peaks, events and impulse are NaN until a tick has converged.
+/// largest such sum counts. So it does not depend on the segmentation of the wire. The forces of a
+/// tick that did not converge are NaN: not known. They count for no peak, event or impulse. The
+/// time of such ticks is counted separately. Peaks, events and impulse are NaN until a tick has
+/// converged.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
@@ -30,24 +31,24 @@ class WallForce final : public Effect, public Observer {
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
 
-  double largest_mN() const { return largest_mN_; }  ///< of a patch
-  double sum_mN() const { return sum_mN_; }
+  double largest_mN() const { return Now(largest_mN_); }  ///< of a patch
+  double sum_mN() const { return Now(sum_mN_); }
   /// Total along the tip. For two wires beside each other, the value of the tip with the larger
   /// force.
-  double tip_mN() const { return tip_mN_; }
+  double tip_mN() const { return Now(tip_mN_); }
   /// Mean force per length on the patch with the largest force.
-  double line_load_mN_mm() const { return largest_mN_ / settings_.patch_mm; }
+  double line_load_mN_mm() const { return Now(largest_mN_) / settings_.patch_mm; }
   /// Force per area on that patch: the line load over the width of the round wire in the wall. That
   /// width is 2 sqrt(2 r d - d^2) at the patch's mean depth d <= r.
-  double pressure_kPa() const { return pressure_kPa_; }
+  double pressure_kPa() const { return Now(pressure_kPa_); }
   /// Axial pressure at the tip, which may perforate a wall. It is the last patch's axial force over
   /// the area pi r^2 of the wire's end. Of two wires beside each other, the larger one.
-  double tip_pressure_kPa() const { return tip_pressure_kPa_; }
+  double tip_pressure_kPa() const { return Now(tip_pressure_kPa_); }
   /// Largest force of a patch since the start; NaN if no tick has converged.
   double largest_ever_mN() const { return Counted(peak_mN_); }
-  /// The same in ticks that did not converge; 0 without such ticks. It may be too large or too
-  /// small.
-  double largest_unconverged_mN() const { return unconverged_mN_; }
+  /// True after a tick that did not converge. The largest force since the start is then a lower
+  /// bound.
+  bool missed_any() const { return missed_any_; }
   /// Since the start; NaN if no tick has converged.
   double tip_pressure_ever_kPa() const { return Counted(tip_pressure_peak_kPa_); }
   /// Integral of the sum since the start; NaN if no tick has converged.
@@ -62,6 +63,10 @@ class WallForce final : public Effect, public Observer {
   double unconverged_s() const { return unconverged_s_; }  ///< total time of uncounted ticks
 
  private:
+  // Value of the last tick; NaN if it did not converge.
+  double Now(double value) const {
+    return knows_forces_ ? value : std::numeric_limits<double>::quiet_NaN();
+  }
   // Value of a measure over converged ticks; NaN without such a tick.
   double Counted(double value) const {
     return any_converged_ ? value : std::numeric_limits<double>::quiet_NaN();
@@ -93,8 +98,9 @@ class WallForce final : public Effect, public Observer {
   double tip_pressure_peak_kPa_ = 0;
   double peak_mN_ = 0;
   double impulse_mNs_ = 0;
+  bool knows_forces_ = false;
   bool any_converged_ = false;
-  double unconverged_mN_ = 0;
+  bool missed_any_ = false;
   bool above_ = false;
   int events_ = 0;
   double unconverged_s_ = 0;

@@ -33,7 +33,7 @@ export interface WireState {
   contacts: number;
   instruments: InstrumentState[];
   nodesMm: Float32Array; // x, y, z of each node
-  contactMN: Float32Array; // NaN if the scene does not measure it
+  contactMN: Float32Array; // NaN if the scene does not measure it, or the state did not converge
   depthUm: Float32Array;
 }
 

@@ -1,15 +1,16 @@
 // The instruments in the 3D view, each as a tube.
 
 import * as THREE from "three";
-import type { Scene, WireState } from "./frames.js";
+import { type Scene, STATUS, type WireState } from "./frames.js";
 import { DEPTH_UM, FORCE_MN } from "./legend.js";
 import { Tube, colorAt } from "./tube.js";
 
 const OUTER = ["#e8eef2", "#7fc7d9", "#c9a3ff", "#ffc98a"];
 const SAME_ENTRY_MM = 1e-3;
 
-/** True if a state has contact forces. */
-export function measuresForces(state: WireState): boolean {
+/** True if a state has contact forces. A state that did not converge has none, and does not change what was `before`. */
+export function measuresForces(state: WireState, before: boolean): boolean {
+  if ((state.status & STATUS.converged) === 0) return before;
   return state.contactMN.length > 0 && !Number.isNaN(state.contactMN[0]!);
 }
 
@@ -61,9 +62,8 @@ export class Instruments {
     }
   }
 
-  /** Moves the tubes to the instruments of a state. leastMm: smallest thickness. */
-  place(state: WireState, scene: Scene, leastMm: number): void {
-    const measured = measuresForces(state);
+  /** Moves the tubes to the instruments of a state. leastMm: smallest thickness. measured: color by force, not depth. */
+  place(state: WireState, scene: Scene, leastMm: number, measured: boolean): void {
     for (const [k, tube] of this.tubes.entries()) {
       const radius = Math.max(scene.instruments[k]!.radius_mm, leastMm * (1 + 0.5 * countInside(state, k)));
       const own = state.instruments[k]!.nodesMm;

@@ -122,7 +122,7 @@ export class Space {
 
   setState(state: WireState): void {
     this.state = state;
-    const measured = measuresForces(state);
+    const measured = measuresForces(state, this.legendMeasured);
     if (measured !== this.legendMeasured) this.showLegend(measured);
     if (this.following) this.lookAtTip();
     if (this.inside) this.placeEye();
@@ -350,7 +350,7 @@ export class Space {
     const [state, scene] = [this.state, this.scene];
     if (state === null || scene === null || state.instruments.length !== this.instruments.count) return;
     const leastMm = DRAWN_RADIUS * this.camera.position.distanceTo(this.orbit.target);
-    this.instruments.place(state, scene, leastMm);
+    this.instruments.place(state, scene, leastMm, this.legendMeasured);
     this.tip.position.fromArray(state.instruments[0]!.tipMm);
     this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
     // Seen from inside the lumen, it would fill the view.
