@@ -351,12 +351,14 @@ std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes) 
   return motion;
 }
 
-std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes) {
+std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes) {
   if (bytes.size() != kControlsBytes ||
       bytes[0] != static_cast<std::uint8_t>(FrameKind::kImaging) || bytes[1] != kFrameVersion) {
     return {};
   }
-  effects::Imaging imaging;
+  ImagingChoice choice;
+  choice.number = ReadAt<std::uint32_t>(bytes, 16);
+  effects::Imaging& imaging = choice.imaging;
   imaging.mode = static_cast<effects::Imaging::Mode>(bytes[2]);
   imaging.pulses_per_s = ReadAt<float>(bytes, 4);
   imaging.magnification = ReadAt<float>(bytes, 8);
@@ -365,7 +367,7 @@ std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes)
   imaging.top = 0.01 * bytes[14];
   imaging.bottom = 0.01 * bytes[15];
   if (!simulator::IsValid(imaging)) return {};
-  return imaging;
+  return choice;
 }
 
 std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes) {

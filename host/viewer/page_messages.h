@@ -104,9 +104,14 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
 /// Reads a motion of the table, as ReadControls.
 std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes);
 
-/// X-ray settings that the page has chosen. Nullopt if the bytes do not have that layout or a value
-/// is beyond its limits.
-std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes);
+/// X-ray settings that the page has chosen, and the page's number of this choice.
+struct ImagingChoice {
+  effects::Imaging imaging;
+  std::uint32_t number = 0;
+};
+
+/// Reads a choice. Nullopt if the bytes do not have that layout or a value is beyond its limits.
+std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes);
 
 /// Replay controls that the page requests.
 struct ReplayControls {

@@ -73,11 +73,18 @@ bool Steering::Take(PageId page, const TableMotion& motion, std::int64_t now_us)
   return true;
 }
 
-bool Steering::Take(PageId page, const effects::Imaging& imaging) {
+bool Steering::Take(PageId page, const ImagingChoice& choice) {
+  answered_[page] = choice.number;
   if (page_ && *page_ != page) return false;
-  imaging_ = imaging;
+  imaging_ = choice.imaging;
   chosen_ = true;
   return true;
+}
+
+std::vector<std::uint32_t> Steering::AnsweredChoices() const {
+  std::vector<std::uint32_t> numbers;
+  for (const auto& [page, number] : answered_) numbers.push_back(number);
+  return numbers;
 }
 
 const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_us) {
@@ -95,6 +102,7 @@ const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_
 }
 
 void Steering::Leave(PageId page) {
+  answered_.erase(page);
   if (page_ != page) return;
   page_.reset();
   controls_ = {};

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
@@ -46,7 +47,7 @@ class Steering {
   /// The same for a motion of the table by the page that steers. It lasts as long as the controls.
   bool Take(PageId page, const TableMotion& motion, std::int64_t now_us);
   /// The same for settings of the X-ray system, which hold until another choice.
-  bool Take(PageId page, const effects::Imaging& imaging);
+  bool Take(PageId page, const ImagingChoice& choice);
   void Leave(PageId page);
 
   /// Moves on to `now_us`.
@@ -66,6 +67,9 @@ class Steering {
   bool xray() const { return controls_.xray; }
   bool contrast() const { return controls_.contrast; }
   const effects::Imaging& imaging() const { return imaging_; }
+  /// Number of the newest choice of each page, taken or refused. The page then knows that
+  /// `imaging()` is not older than its choice.
+  std::vector<std::uint32_t> AnsweredChoices() const;
 
  private:
   struct Reach {
@@ -91,6 +95,7 @@ class Steering {
   torquer_lcm::table_command_t table_command_{};
   effects::Imaging imaging_;
   bool chosen_ = false;
+  std::map<PageId, std::uint32_t> answered_;  // of the pages that are still there
   torquer_lcm::imaging_command_t imaging_command_{};
 };
 

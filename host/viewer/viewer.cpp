@@ -135,8 +135,8 @@ class Viewer {
   }
 
   bool Take(PageId page, std::span<const std::uint8_t> message) {
-    if (const auto imaging = ReadImaging(message)) {
-      if (steering_.Take(page, *imaging)) PublishImaging(bus::MonotonicUs());
+    if (const auto choice = ReadImaging(message)) {
+      if (steering_.Take(page, *choice)) PublishImaging(bus::MonotonicUs());
       return true;
     }
     if (const auto control = ReadCaseControl(message)) {
@@ -284,6 +284,7 @@ class Viewer {
                         {"pulses_per_s", imaging.pulses_per_s},
                         {"magnification", imaging.magnification},
                         {"shutters", {imaging.left, imaging.right, imaging.top, imaging.bottom}},
+                        {"answered", steering_.AnsweredChoices()},
                         {"hands", Hands(now_us)},
                         {"problem", simulators_.Conflict(now_us)},
                         {"states_per_s", states_ / passed_s}})

@@ -39,6 +39,60 @@ test("a page that looks on chooses how the X-ray system works", async () => {
   await until("the simulator takes it", async () => Math.abs((await field()) - (380 * 750) / 1050 / 1.5) < 0.01);
 });
 
+test("a choice stays until torquer-viewer answers it, however late the report", async () => {
+  const slow = await session.browser.newPage({ viewport: { width: 1024, height: 600 } });
+  await slow.addInitScript(() => {
+    const real = performance.now.bind(performance);
+    Object.assign(window, { lateMs: 1200, deaf: false, aheadMs: 0 });
+    performance.now = () => real() + window.aheadMs;
+    window.WebSocket = class extends WebSocket {
+      set onmessage(take) {
+        super.onmessage = (event) => {
+          const late = typeof event.data === "string" && event.data.includes('"kind":"viewer"');
+          if (late) setTimeout(() => take(event), window.lateMs);
+          else take(event);
+        };
+      }
+      send(data) {
+        if (!window.deaf || new Uint8Array(data)[0] !== 18) super.send(data);
+      }
+    };
+  });
+  await slow.goto(session.url);
+  const said = (key) => slow.locator(`#system-${key} span`).textContent();
+  await until("the settings", () => slow.locator("#system-M").isVisible());
+  await slow.evaluate(() => {
+    window.words = [];
+    const shown = document.querySelector("#system-M span");
+    new MutationObserver(() => window.words.push(shown.textContent)).observe(shown, { childList: true, characterData: true, subtree: true });
+  });
+  const words = () => slow.evaluate(() => window.words);
+  await slow.keyboard.press("KeyM");
+  await slow.keyboard.press("KeyM");
+  assert.deepEqual(await words(), ["plain", "subtraction"], "at once");
+  await until("the other page knows", async () => (await text("#system-M span")) === "subtraction");
+  await slow.waitForTimeout(1500);
+  assert.deepEqual(await words(), ["plain", "subtraction"], "no older report shows");
+  await page.keyboard.press("KeyM");
+  await until("the other page's newer choice", async () => (await said("M")) === "road map");
+  assert.deepEqual(await words(), ["plain", "subtraction", "road map"]);
+  await page.keyboard.press("KeyM");
+
+  await slow.evaluate(() => { window.lateMs = 0; window.deaf = true; });
+  await slow.keyboard.press("KeyK");
+  await slow.waitForTimeout(300);
+  assert.equal(await said("K"), "shutters 10 %");
+  await slow.evaluate(() => { window.aheadMs = 10001; });
+  await until("it is lost", async () => (await said("K")) === "shutters open");
+  const state = () => slow.locator("#state").textContent();
+  await until("the header says so", async () => (await state()) === "X-ray setting not taken: no answer");
+  await slow.evaluate(() => { window.deaf = false; });
+  await slow.keyboard.press("KeyK");
+  await until("it is taken", async () => (await text("#system-K span")) === "shutters 10 %");
+  await until("all is well", async () => (await state()).includes("not calibrated"));
+  await slow.close();
+});
+
 test("an unplugged device is reported as missing", async () => {
   const { execFileSync } = await import("node:child_process");
   execFileSync("pkill", ["-KILL", "-f", `torquer-emulator.*${session.folder}`]);

@@ -257,18 +257,20 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
       const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
       bytes.insert(bytes.end(), first, first + sizeof value);
     }
-    bytes.insert(bytes.end(), {left, 2, 3, bottom, 0, 0, 0, 0});
+    bytes.insert(bytes.end(), {left, 2, 3, bottom, 4, 3, 2, 1});
     return bytes;
   };
   const auto taken = ReadImaging(message(3, 7.5F, 1.5F, 10, 45));
   REQUIRE(taken);
-  CHECK(taken->mode == torquer::effects::Imaging::Mode::kRoadmap);
-  CHECK(taken->pulses_per_s == 7.5);
-  CHECK(taken->magnification == 1.5);
-  CHECK(taken->left == Approx(0.1));
-  CHECK(taken->right == Approx(0.02));
-  CHECK(taken->top == Approx(0.03));
-  CHECK(taken->bottom == Approx(0.45));
+  const torquer::effects::Imaging& imaging = taken->imaging;
+  CHECK(imaging.mode == torquer::effects::Imaging::Mode::kRoadmap);
+  CHECK(imaging.pulses_per_s == 7.5);
+  CHECK(imaging.magnification == 1.5);
+  CHECK(imaging.left == Approx(0.1));
+  CHECK(imaging.right == Approx(0.02));
+  CHECK(imaging.top == Approx(0.03));
+  CHECK(imaging.bottom == Approx(0.45));
+  CHECK(taken->number == 0x01020304);
   CHECK(ReadImaging(message(0, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(4, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0.5F, 1, 0, 0)));

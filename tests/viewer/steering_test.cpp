@@ -144,7 +144,7 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   imaging.magnification = 1.5;
   imaging.left = 0.1;
   imaging.bottom = 0.3;
-  REQUIRE(steering.Take(3, imaging));
+  REQUIRE(steering.Take(3, {imaging, 70}));
   const auto* command = steering.ImagingCommand(kStart + 10);
   REQUIRE(command != nullptr);
   CHECK(command->mode == torquer::protocol::kImagingSubtraction);
@@ -161,11 +161,15 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   // While one page steers, another cannot choose; silence changes nothing.
   steering.Take(3, Push(1), kStart);
   imaging.magnification = 3;
-  CHECK_FALSE(steering.Take(4, imaging));
+  CHECK_FALSE(steering.Take(4, {imaging, 80}));
+  CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{70, 80});
   steering.Advance(kStart + 5'000'000);
   CHECK(steering.ImagingCommand(kStart + 5'000'000)->magnification == 1.5);
-  CHECK(steering.Take(4, imaging));
+  CHECK(steering.Take(4, {imaging, 81}));
   CHECK(steering.imaging().magnification == 3);
+  CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{70, 81});
+  steering.Leave(3);
+  CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{81});
 }
 
 TEST_CASE("The steering page moves the table at its rate, and it stops with the page") {
@@ -217,7 +221,7 @@ TEST_CASE("Another simulator is steered from where its instruments are, by who s
   Steering steering = Placed();
   torquer::effects::Imaging imaging;
   imaging.magnification = 2;
-  REQUIRE(steering.Take(3, imaging));
+  REQUIRE(steering.Take(3, {imaging, 1}));
   Controls controls = Push(40);
   controls.xray = true;
   controls.lao_rad_s = 1;
@@ -227,6 +231,7 @@ TEST_CASE("Another simulator is steered from where its instruments are, by who s
   CHECK(steering.page() == 3);
   CHECK(steering.Commands(kStart + 500'000).empty());
   CHECK(steering.ImagingCommand(kStart + 500'000) == nullptr);
+  CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{1});
   CHECK(steering.lao_rad() == 0);
   CHECK_FALSE(steering.xray());
   // The same instruments as before.

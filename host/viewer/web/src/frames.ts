@@ -148,6 +148,7 @@ export interface Viewer extends Imaging {
   cra_rad: number;
   xray: boolean;
   contrast: boolean;
+  answered?: number[]; // number of the newest X-ray choice of each page, taken or refused; a replay has none
   hands: Hand[]; // of devices; a page that steers has none
   states_per_s: number;
   problem?: string; // several simulators on the same bus
@@ -340,7 +341,8 @@ export function writeTable(controls: Controls): ArrayBuffer {
   return view.buffer;
 }
 
-export function writeImaging(imaging: Imaging): ArrayBuffer {
+/** `choice`: the page's number of this choice, which torquer-viewer answers. */
+export function writeImaging(imaging: Imaging, choice: number): ArrayBuffer {
   const view = new DataView(new ArrayBuffer(20));
   view.setUint8(0, 18);
   view.setUint8(1, VERSION);
@@ -348,6 +350,7 @@ export function writeImaging(imaging: Imaging): ArrayBuffer {
   view.setFloat32(4, imaging.pulses_per_s, true);
   view.setFloat32(8, imaging.magnification, true);
   for (const [k, share] of imaging.shutters.entries()) view.setUint8(12 + k, Math.round(100 * share));
+  view.setUint32(16, choice, true);
   return view.buffer;
 }
 

@@ -15,8 +15,11 @@ export class Link {
     this.connect();
   }
 
-  send(message: ArrayBuffer): void {
-    if (this.open) this.socket?.send(message);
+  /** Returns false without effect while there is no connection. */
+  send(message: ArrayBuffer): boolean {
+    if (!this.open) return false;
+    this.socket?.send(message);
+    return true;
   }
 
   private connect(): void {

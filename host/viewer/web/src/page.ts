@@ -37,7 +37,7 @@ class Page {
   private readonly keyboard = new Keyboard(this.steering);
   private readonly pad = new Pad(this.steering);
   private readonly gamepad = new GamepadSource(this.steering);
-  private readonly xraySystem = new XraySystem((imaging) => this.link.send(writeImaging(imaging)));
+  private readonly xraySystem = new XraySystem((imaging, choice) => this.link.send(writeImaging(imaging, choice)));
   private readonly examination = new Examination();
   private readonly cases = new CaseScreen(
     (message) => this.link.send(message),
@@ -250,6 +250,7 @@ class Page {
       return ["warn", `Simulator silent for ${silentS} s`, "The simulator does not answer. The page shows its last state."];
     }
     if (this.replay.shown) return ["good", this.replay.playing ? "Replay" : "Replay, paused", ""];
+    if (this.xraySystem.problem !== "") return ["warn", this.xraySystem.problem, ""];
     const missing = this.panel.missingDevice(nowMs);
     if (missing !== "") return ["warn", missing, ""];
     const hand = this.handInTrouble();

@@ -1,13 +1,13 @@
 // Settings of the X-ray system: display mode, pulse rate, field and shutters.
 
 import { element, setText } from "./dom.js";
-import type { Imaging } from "./frames.js";
+import type { Imaging, Viewer } from "./frames.js";
 
 const MODES = ["scene's display", "plain", "subtraction", "road map"];
 const PULSES = [0, 7.5, 15, 30];
 const MAGNIFICATIONS = [1, 1.5, 2, 3];
 const SHUTTERS = [0, 0.1, 0.2, 0.3];
-const ECHO_MS = 500; // delay until torquer-viewer reports the newest choice
+const ANSWER_MS = 10000; // a choice without an answer is lost then
 
 function after(list: readonly number[], value: number): number {
   const place = list.findIndex((entry) => Math.abs(entry - value) < 1e-6);
@@ -18,19 +18,32 @@ export class XraySystem {
   private readonly root = element<HTMLElement>("#system");
   private now: Imaging = { mode: 0, pulses_per_s: 0, magnification: 1, shutters: [0, 0, 0, 0] };
   private enabled = false;
+  private choice = crypto.getRandomValues(new Uint32Array(1))[0]!; // number of the newest choice; pages have different ones
   private chosenMs = -Infinity;
+  private answered = true;
 
-  constructor(private readonly send: (imaging: Imaging) => void) {
+  /** `send` returns false if there is no connection. */
+  constructor(private readonly send: (imaging: Imaging, choice: number) => boolean) {
     for (const key of ["M", "R", "Z", "K"]) {
       element(`#system-${key}`).addEventListener("click", () => this.next(`Key${key}`));
     }
   }
 
-  /** Takes over the current settings from torquer-viewer. A page that cannot steer hides them. */
-  take(imaging: Imaging, enabled: boolean): void {
-    if (performance.now() - this.chosenMs > ECHO_MS) this.now = imaging;
+  /**
+   * Takes over the current settings from torquer-viewer. A report from before the answer to the newest choice is
+   * older than that choice, however late it comes. A page that cannot steer hides the settings.
+   */
+  take(viewer: Viewer, enabled: boolean): void {
+    if (viewer.answered?.includes(this.choice) === true) this.answered = true;
+    if (this.answered || this.problem !== "") this.now = viewer;
     this.enabled = enabled;
     this.show();
+  }
+
+  /** Sentence for people if torquer-viewer does not answer; else "". */
+  get problem(): string {
+    const late = !this.answered && performance.now() - this.chosenMs > ANSWER_MS;
+    return late ? "X-ray setting not taken: no answer" : "";
   }
 
   private show(): void {
@@ -59,9 +72,14 @@ export class XraySystem {
   }
 
   private choose(change: Partial<Imaging>): void {
-    this.now = { ...this.now, ...change };
+    const { mode, pulses_per_s, magnification, shutters } = { ...this.now, ...change };
+    const chosen = { mode, pulses_per_s, magnification, shutters };
+    const choice = (this.choice + 1) % 2 ** 32;
+    if (!this.send(chosen, choice)) return;
+    this.choice = choice;
+    this.now = chosen;
     this.chosenMs = performance.now();
+    this.answered = false;
     this.show();
-    this.send(this.now);
   }
 }
