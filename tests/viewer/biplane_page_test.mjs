@@ -86,6 +86,13 @@ test("every effect of the scene has its price, and effects that are not simulate
 test("the second plane is measured with its own field, and keeps its measurement beside new pictures of the first", async () => {
   const [FIELD_MM, RADIUS_PX] = [120, 14];
   process.kill(Number(session.read("simulator.pid")), "SIGSTOP");
+  // A picture on its way would replace those of this test.
+  await until("the last message has arrived", async () => {
+    const shown = () => page.evaluate(() => JSON.stringify([window.torquer.state().tick, window.torquer.drawn()]));
+    const before = await shown();
+    await page.waitForTimeout(1000);
+    return (await shown()) === before;
+  });
   // An upright cylinder: the mean chord over each pixel, blurred by 1/4 1/2 1/4.
   const show = (number, lateral) => page.evaluate(async ([number, lateral, fieldMm, radius]) => {
     const chord = (x) => 2 * Math.sqrt(Math.max(radius ** 2 - x ** 2, 0));
