@@ -20,6 +20,7 @@ let session, page, eye; // eye: an empty page that may load pictures
 const text = (selector) => page.locator(selector).textContent();
 const pictures = () => page.evaluate(() => window.torquer.pictures());
 const insertion = () => page.evaluate(() => window.torquer.state().instruments[0].insertionMm);
+const drawn = () => page.evaluate(() => window.torquer.drawn());
 const canvas = () => page.evaluate(() => document.querySelector("#xray-picture").toDataURL());
 const jpeg = (bytes) => `data:image/jpeg;base64,${bytes.toString("base64")}`;
 // Covers numbers and plots that differ between runs.
@@ -28,16 +29,13 @@ const wholePage = async () => jpeg(await page.screenshot({
 }));
 const hold = (key, what, condition) => holdKey(page, key, what, condition);
 async function pulses(count) {
-  const start = await pictures();
+  const [start, before] = [await pictures(), (await drawn()).picture ?? 0];
   await hold("Space", `${count} pictures`, async () => (await pictures()) >= start + count);
   await until("the lamp is off", async () => (await text("#lamp")).includes("OFF"));
-  // The last picture has arrived and is drawn: a busy computer decodes it with a delay.
-  let drawn = "";
-  await until("the last picture stays", async () => {
-    await page.waitForTimeout(400);
-    const before = drawn;
-    drawn = await canvas();
-    return drawn === before;
+  // The simulator ends the X-ray later than the page, and the page draws later still. The held image is the last one.
+  await until("the last image is held", async () => {
+    const { picture, held } = await drawn();
+    return held && picture > before;
   });
 }
 async function mode(wanted) {

@@ -104,10 +104,10 @@ export class Fluoroscopy {
     this.setAngles(picture.laoRad, picture.craRad);
   }
 
-  /** Numbers of the pictures on the page. */
-  get drawn(): { picture: number | null; reference: number | null; lateral: number | null } {
+  /** Numbers of the pictures on the page. held: true if the first plane shows the last image hold. */
+  get drawn(): { picture: number | null; reference: number | null; lateral: number | null; held: boolean } {
     const [picture, reference, lateral] = [this.picture, this.reference, this.lateral].map((canvas) => canvas.picture?.number ?? null);
-    return { picture: picture!, reference: reference!, lateral: lateral! };
+    return { picture: picture!, reference: reference!, lateral: lateral!, held: this.picture.picture?.held ?? false };
   }
 
   get playing(): boolean {
