@@ -76,7 +76,10 @@ __attribute__((noinline)) inline uint32_t Crc32Step(uint32_t crc, uint8_t byte) 
   for (uint8_t bit = 0; bit < 8; ++bit) {
     const uint8_t low = static_cast<uint8_t>(crc);  // one byte: the chip has no wider registers
     crc >>= 1;
-    if (low & 1) crc ^= 0xedb88320;
+    if (low & 1) {
+      asm volatile("");  // keeps the branch: a mask of 32 bits takes the chip twice as long
+      crc ^= 0xedb88320;
+    }
   }
   return crc;
 }
