@@ -127,7 +127,7 @@ void Navigation::Conclude() {
   fact(Fact::kWallForce_mN) = Force();
   fact(Fact::kTime_s) = simulation_.time_s();
   memory_.worst_mN = 0;
-  memory_.any_unknown = false;
+  memory_.any_unknown = std::isnan(fact(Fact::kWallForce_mN));
 }
 
 // Mark of a step that reached the target: 0 or 1. NaN if no known force exceeded the limit, and one

@@ -61,7 +61,7 @@ struct NavigationMemory {
   bool begun = false;       ///< true after the first reset
   int steps = 0;
   double worst_mN = 0;       ///< in steps that converged
-  bool any_unknown = false;  ///< true after a step that did not converge
+  bool any_unknown = false;  ///< true after a start or a step that did not converge
   std::array<double, kFacts> facts = {};
 };
 

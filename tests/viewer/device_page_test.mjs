@@ -43,15 +43,18 @@ test("a choice stays until torquer-viewer answers it, however late the report", 
   const slow = await session.browser.newPage({ viewport: { width: 1024, height: 600 } });
   await slow.addInitScript(() => {
     const real = performance.now.bind(performance);
-    Object.assign(window, { lateMs: 1200, deaf: false, aheadMs: 0 });
+    Object.assign(window, { lateMs: 1200, reports: 0, deaf: false, aheadMs: 0 });
     // A quarter of the speed: a busy machine answers within the page's limit of 10 s.
     performance.now = () => real() / 4 + window.aheadMs;
     window.WebSocket = class extends WebSocket {
       set onmessage(take) {
         super.onmessage = (event) => {
           const late = typeof event.data === "string" && event.data.includes('"kind":"viewer"');
-          if (late) setTimeout(() => take(event), window.lateMs);
-          else take(event);
+          if (!late) return take(event);
+          setTimeout(() => {
+            take(event);
+            ++window.reports;
+          }, window.lateMs);
         };
       }
       send(data) {
@@ -70,9 +73,10 @@ test("a choice stays until torquer-viewer answers it, however late the report", 
   const words = () => slow.evaluate(() => window.words);
   await slow.keyboard.press("KeyM");
   await slow.keyboard.press("KeyM");
+  const taken = await slow.evaluate(() => window.reports);
   assert.deepEqual(await words(), ["plain", "subtraction"], "at once");
   await until("the other page knows", async () => (await text("#system-M span")) === "subtraction");
-  await slow.waitForTimeout(1500);
+  await until("older reports have come", () => slow.evaluate((before) => window.reports >= before + 8, taken));
   assert.deepEqual(await words(), ["plain", "subtraction"], "no older report shows");
   await page.keyboard.press("KeyM");
   await until("the other page's newer choice", async () => (await said("M")) === "road map");

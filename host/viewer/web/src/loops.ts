@@ -6,7 +6,7 @@ import type { Picture } from "./frames.js";
 const MOST_LOOPS = 8;
 const MOST_BYTES = 64e6;
 const PAUSE_S = 0.7; // pause between the end and the next beginning
-const GAP_S = 0.5; // a longer pause begins a new loop; at 7.5 pulses a second pictures are 0.13 s apart
+const GAP_S = 2; // a longer pause begins a new loop too: the held picture was lost. A busy simulator pauses for less.
 
 export class Loops {
   private readonly loops: Picture[][] = [];
