@@ -224,7 +224,12 @@ std::vector<PageRow> PageFigures::Radiation() const {
     rows.push_back({"Kerma-area product", ValueText(*kerma_area) + " Gy cm&#xb2;"});
   }
   if (now_.contrast_mL) {
-    rows.push_back({"Contrast agent", ValueText(*now_.contrast_mL) + " mL"});
+    std::string injected = ValueText(*now_.contrast_mL) + " mL";
+    if (const auto limit_mL = Reading("contrast_limit_mL")) {
+      injected += (*now_.contrast_mL > *limit_mL ? ", above" : ", within") +
+                  (" the patient's limit of " + ValueText(*limit_mL)) + " mL";
+    }
+    rows.push_back({"Contrast agent", std::move(injected)});
     rows.push_back({"Time of injection", SecondsText(report_.course.contrast().total_s())});
   } else {
     rows.push_back({"Contrast agent", "none in this scene"});

@@ -225,5 +225,59 @@ TEST_CASE("Loads with a ramp grow in proportion to time, and begin again with th
   CHECK(beam.state.nodes().back()[1] == Approx(0).margin(1e-6));
 }
 
+TEST_CASE("A ramp takes the moments in proportion too") {
+  const double part = 0.5;
+  const double own = kBeam_N_mm2 / kBeam_mm;  // end moment of a cantilever over its end's angle
+  SECTION("The moment is a half of its value after a half of the time") {
+    const double turned = 1.2;
+    EndLoad end;
+    end.moment_mJ = turned * own;
+    Beam beam(end, 0.5, 2, 2.0);
+    beam.load.AdvanceTime(2 * part);
+    REQUIRE(beam.Relax().converged);
+    CHECK(std::asin(beam.state.tangents().back()[1]) == Approx(part * turned).epsilon(0.01));
+  }
+  SECTION("The clamp of a direction has a half of its stiffness then") {
+    // The end's stiffness and the clamp's share the angle.
+    const double angle = 0.05, ratio = 3;
+    EndLoad end;
+    end.align_mJ = ratio * own;
+    end.direction = Vector3d(std::cos(angle), std::sin(angle), 0);
+    Beam beam(end, 0.5, 2, 2.0);
+    beam.load.AdvanceTime(2 * part);
+    REQUIRE(beam.Relax().converged);
+    CHECK(beam.state.tangents().back()[1] ==
+          Approx(angle * part * ratio / (1 + part * ratio)).epsilon(0.02));
+  }
+}
+
+TEST_CASE("A copy of a load on its ramp goes on from there") {
+  const WireModel model = MakeWire({.segment_mm = 1});
+  const FreeSpace field;
+  const WallModel wall;
+  const WireState state = LayStraight(model, 5);
+  const auto energy_mJ = [&](PointLoad& load) {
+    const std::vector<EnergyTerm*> terms{&load};
+    WireMechanics mechanics(model, field, wall, terms);
+    QuadraticModel at = mechanics.MakeQuadraticModel();
+    mechanics.BuildModel(state, at);
+    load.Begin(at.points);
+    mechanics.BuildModel(state, at);
+    return at.energy_mJ;
+  };
+  EndLoad end;
+  end.force_N = {1e-3, 0, 0};  // along the wire, so its work is the force times the length
+  PointLoad load(end, 2);
+  load.AdvanceTime(0.5);
+  PointLoad copy(end, 2);
+  CHECK(copy.Hash(1) != load.Hash(1));
+  copy.CopyFrom(load);
+  CHECK(copy.Hash(1) == load.Hash(1));
+  copy.AdvanceTime(0.5);
+  CHECK(copy.Hash(1) != load.Hash(1));
+  CHECK(energy_mJ(load) == Approx(-0.25e-3 * 5));
+  CHECK(energy_mJ(copy) == Approx(-0.5e-3 * 5));
+}
+
 }  // namespace
 }  // namespace torquer::test

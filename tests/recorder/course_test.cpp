@@ -254,3 +254,26 @@ TEST_CASE("Motion without X-ray is measured for all hands, and a rest is none") 
   run(4, 5, 13.2, -10);
   CHECK(course.blind().path_mm - before_mm == Approx(9.9).margin(0.2));
 }
+
+TEST_CASE("Motion of any hand without X-ray counts, and a gap of the log does not") {
+  SessionCourse course;
+  const auto add = [&course](std::int64_t number, double time_s, double first_mm,
+                             double second_mm) {
+    torquer_lcm::wire_state_t state = Tick(number, time_s, first_mm, first_mm);
+    state.instruments.push_back(state.instruments[0]);
+    state.instruments[1].name = "microcatheter";
+    state.instruments[1].insertion_mm = second_mm;
+    state.instruments[1].rotation_rad = 0;
+    course.Add(state);
+  };
+  for (int i = 0; i <= 100; ++i) add(i, 0.01 * i, 5 + 0.1 * i, 20);
+  CHECK(course.blind().path_mm == Approx(10));
+  CHECK(course.blind().time_s == Approx(1));
+  for (int i = 1; i <= 100; ++i) add(100 + i, 1 + 0.01 * i, 15, 20 + 0.2 * i);
+  CHECK(course.blind().path_mm == Approx(30));
+  CHECK(course.blind().time_s == Approx(2));
+  // Lost ticks: the path is known, the time of the motion is not.
+  add(900, 9, 18, 40);
+  CHECK(course.blind().path_mm == Approx(33));
+  CHECK(course.blind().time_s == Approx(2).margin(0.051));
+}

@@ -74,6 +74,17 @@ TEST_CASE("The page shows the assessment with its limits") {
   CHECK(page.find("nan") == std::string::npos);
 }
 
+TEST_CASE("The page compares the contrast agent with the patient's limit") {
+  const auto page = [](double limit_mL) {
+    SessionReport report = PageReport(true);
+    report.readings.names.push_back("contrast_limit_mL");
+    report.readings.values.push_back(limit_mL);
+    return FormatPage(report, PagePartsOfCourse());
+  };
+  CHECK_THAT(page(1.5), Row("Contrast agent", "1.50 mL, within the patient's limit of 1.50 mL"));
+  CHECK_THAT(page(1.25), Row("Contrast agent", "1.50 mL, above the patient's limit of 1.25 mL"));
+}
+
 TEST_CASE("The verdict follows the readings") {
   SessionReport report = PageReport(true);
   const PageParts parts = PagePartsOfCourse();

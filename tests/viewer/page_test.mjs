@@ -141,7 +141,7 @@ test("no text covers the picture, and none is cut off, in any window", async () 
 });
 
 test("contrast is injected while C is held", async () => {
-  const injected = async () => Number((await text("#dose")).match(/([\d.]+) mL/)?.[1] ?? 0);
+  const injected = async () => Number((await text("#dose")).match(/Contrast([\d.]+)/)?.[1] ?? 0);
   const start = await injected();
   await hold("KeyC", "more contrast", async () => (await injected()) > start + 2);
 });

@@ -40,6 +40,25 @@ async function showsNoNumberOfUnknown() {
   assert.deepEqual(problems, []);
 }
 
+test("contrast above the patient's limit is a warning", async () => {
+  const shows = async (injected, limit, text, over) => {
+    await page.evaluate((values) => {
+      window.change = (data) => {
+        const message = typeof data === "string" ? JSON.parse(data) : {};
+        if (message.kind !== "readings") return data;
+        Object.assign(message.values, values);
+        return JSON.stringify(message);
+      };
+    }, { contrast_injected_mL: injected, contrast_limit_mL: limit });
+    const row = page.locator("#dose dd[data-over]");
+    await until(text, async () => (await row.textContent()) === text);
+    assert.equal(await row.getAttribute("data-over"), String(over));
+  };
+  await shows(290, 290, "290 of 290 mL", false);
+  await shows(290.6, 290, "291 > 290 mL", true);
+  await shows(12.5, undefined, "12.5 mL", false);
+});
+
 test("unknown readings are shown as unknown", async () => {
   await page.evaluate(() => {
     window.change = (data) => {

@@ -124,6 +124,21 @@ TEST_CASE("Dispersion widens a bolus by twice its coefficient in time", "[effect
   CHECK(Moments(contrast).second - early == Approx(2 * 150 * 1.5).epsilon(0.02));
 }
 
+TEST_CASE("The patient's limit is a reading only where it is set", "[effects]") {
+  const StraightVessel vessel;
+  const auto limits_mL = [&](const ContrastSettings& settings) {
+    std::vector<double> found;
+    for (const auto& reading : Contrast(*vessel.flow, settings, kWire).Readings()) {
+      if (reading.name == "contrast_limit_mL") found.push_back(reading.value);
+    }
+    return found;
+  };
+  ContrastSettings settings = Drip(20.5);
+  CHECK(limits_mL(settings).empty());
+  settings.patient_limit_mL = 120;
+  CHECK(limits_mL(settings) == std::vector<double>{120});
+}
+
 TEST_CASE("A front stays sharp and makes no new extremes", "[effects]") {
   const StraightVessel vessel;
   Contrast contrast(*vessel.flow, Drip(20.5), kWire);

@@ -131,9 +131,14 @@ double Contrast::inside_mg() const {
 }
 
 std::vector<Reading> Contrast::Readings() const {
-  return {{"contrast_injected_mL", injected_mg_ / settings_.concentration_mg_mL},
-          {"contrast_inside_mg", inside_mg()},
-          {"contrast_washed_out_mg", washed_out_mg_}};
+  std::vector<Reading> readings = {
+      {"contrast_injected_mL", injected_mg_ / settings_.concentration_mg_mL},
+      {"contrast_inside_mg", inside_mg()},
+      {"contrast_washed_out_mg", washed_out_mg_}};
+  if (settings_.patient_limit_mL) {
+    readings.push_back({"contrast_limit_mL", *settings_.patient_limit_mL});
+  }
+  return readings;
 }
 
 void Contrast::Advance(const TickView& tick) {
@@ -338,6 +343,7 @@ struct ContrastSpec : TableSpec {
   double concentration_mg_mL = 320;
   double dispersion_mm2_s = 100;
   double cell_mm = 2;
+  std::optional<double> patient_limit_mL;
   Site at = Site::kEntry;
   std::optional<std::string> instrument;
   std::optional<std::string> centerline;
@@ -368,6 +374,9 @@ const Keys<ContrastSpec>& ContrastKeys() {
                   "dispersion coefficient of the contrast agent along the vessel")
           .Number("cell_mm", &ContrastSpec::cell_mm, 0.25, 20, "mm",
                   "length of a computing cell along the vessel")
+          .Otherwise("unset: no limit is shown")
+          .Number("patient_limit_mL", &ContrastSpec::patient_limit_mL, 1, 2000, "mL",
+                  "largest total volume that the patient tolerates; above it, page and report warn")
           .Choice("at", &ContrastSpec::at, {"entry", "tip", "place"},
                   "place of injection: the sheath, the tip of an instrument (on the nearest "
                   "centerline), or a place on a centerline")
@@ -406,6 +415,7 @@ std::unique_ptr<Effect> MakeContrast(const ContrastSpec& spec, const EffectConte
   settings.concentration_mg_mL = spec.concentration_mg_mL;
   settings.dispersion_mm2_s = spec.dispersion_mm2_s;
   settings.cell_mm = spec.cell_mm;
+  settings.patient_limit_mL = spec.patient_limit_mL;
   return std::make_unique<Contrast>(flow, settings, context.wire);
 }
 

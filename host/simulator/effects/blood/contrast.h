@@ -7,6 +7,7 @@
 // The injection adds to the flow. An injection larger than the incoming blood flow flows backwards.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "host/simulator/effects/blood/flow.h"
@@ -23,6 +24,8 @@ struct ContrastSettings {
   double concentration_mg_mL = 0;  ///< of iodine
   double dispersion_mm2_s = 0;
   double cell_mm = 2;  ///< longest length of a cell
+  /// Largest total volume that the patient tolerates.
+  std::optional<double> patient_limit_mL = std::nullopt;
 };
 
 class Contrast final : public Effect, public Evolution, public Observer {

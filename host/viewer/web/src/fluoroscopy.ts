@@ -182,8 +182,14 @@ export class Fluoroscopy {
     row("Pulses", "xray_pulses", (value) => value.toFixed(0));
     row("Air kerma", "air_kerma_mGy", (value) => `${short(value)} mGy`);
     row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${short(value)} Gy cm²`);
-    const contrast = row("Contrast", "contrast_injected_mL", (value) => `${short(value)} mL`);
-    if (contrast !== null) setData(contrast, "on", String(injecting));
+    const limitMl = values["contrast_limit_mL"];
+    const over = (value: number) => typeof limitMl === "number" && value > limitMl;
+    const contrast = row("Contrast", "contrast_injected_mL", (value) =>
+      typeof limitMl === "number" ? `${short(value)} ${over(value) ? ">" : "of"} ${short(limitMl)} mL` : `${short(value)} mL`,
+    );
+    if (contrast === null) return;
+    setData(contrast, "on", String(injecting));
+    setData(contrast, "over", String(over(values["contrast_injected_mL"] ?? 0)));
   }
 
   private setTable(values: Readings["values"]): void {
