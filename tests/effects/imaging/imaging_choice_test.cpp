@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -202,8 +203,10 @@ TEST_CASE("The readings tell the display of the newest picture, and what its ope
   // The field is 300 mm * 750 / 1050 / 4 wide at the isocenter, 40 mm along the wire, at its tip.
   constexpr double kHalfMm = 26.7857;
   double time_s = 0;
+  double lao_rad = 0;
   const auto tick = [&](const Imaging& imaging, double left_mm, double head_mm, bool contrast) {
     Command command = Chosen(time_s += 0.1, imaging);
+    command.controls.lao_rad = lao_rad;
     command.controls.table = {.left_mm = left_mm, .head_mm = head_mm};
     command.controls.contrast = contrast;
     Tick(session, command);
@@ -220,10 +223,17 @@ TEST_CASE("The readings tell the display of the newest picture, and what its ope
   narrow.magnification = 4;
   for (const double inside_mm : {0.5, -0.5}) {
     const double seen = inside_mm > 0 ? 1 : 0;
-    tick(narrow, inside_mm - kHalfMm, 0, false);
-    CHECK(read() == Readings{0, seen, 0});
-    tick(narrow, 0, kHalfMm - inside_mm, false);
-    CHECK(read() == Readings{0, seen, 0});
+    // From behind, the same tip is at the other edge.
+    for (const double side_rad : {0.0, std::numbers::pi}) {
+      lao_rad = side_rad;
+      tick(narrow, inside_mm - kHalfMm, 0, false);
+      CHECK(read() == Readings{0, seen, 0});
+    }
+    lao_rad = 0;
+    for (const double end : {1, -1}) {
+      tick(narrow, 0, end * (kHalfMm - inside_mm), false);
+      CHECK(read() == Readings{0, seen, 0});
+    }
     // The patient's left is on the right: this shutter covers the part that has the wire.
     Imaging shut = narrow;
     shut.left = 0.25;
