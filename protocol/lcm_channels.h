@@ -10,6 +10,7 @@ namespace torquer::protocol {
 inline constexpr char kDeviceSampleChannel[] = "TORQUER_DEVICE_SAMPLE";
 inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND";
 inline constexpr char kImagingCommandChannel[] = "TORQUER_IMAGING_COMMAND";
+inline constexpr char kWedgeCommandChannel[] = "TORQUER_WEDGE_COMMAND";
 inline constexpr char kTableCommandChannel[] = "TORQUER_TABLE_COMMAND";
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
@@ -27,7 +28,7 @@ inline constexpr const char* kChannels[] = {
     kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel,      kSceneChannel,
     kReadingsChannel,     kWireForcesChannel,        kPictureChannel,        kHealthChannel,
     kHandMotionChannel,   kEmulatorTruthChannel,     kImagingCommandChannel, kLateralPictureChannel,
-    kTableCommandChannel, kVitalSignsChannel};
+    kTableCommandChannel, kVitalSignsChannel,        kWedgeCommandChannel};
 
 /// Version of the message types: any change of a type needs a new version (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 3;

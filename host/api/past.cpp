@@ -48,10 +48,22 @@ using Rendering = std::pair<std::uint32_t, int>;
 // The numbers of a command that rarely change from step to step.
 std::vector<double> ControlsOf(const Command& row) {
   const Imaging& imaging = row.imaging;
-  return {row.lao_deg,          row.cra_deg,           static_cast<double>(imaging.mode),
-          imaging.pulses_per_s, imaging.magnification, imaging.left,
-          imaging.right,        imaging.top,           imaging.bottom,
-          row.table.left_mm,    row.table.head_mm,     row.table.height_mm};
+  return {row.lao_deg,
+          row.cra_deg,
+          static_cast<double>(imaging.mode),
+          imaging.pulses_per_s,
+          imaging.magnification,
+          imaging.left,
+          imaging.right,
+          imaging.top,
+          imaging.bottom,
+          imaging.wedge_left.share,
+          imaging.wedge_left.rotation_deg,
+          imaging.wedge_right.share,
+          imaging.wedge_right.rotation_deg,
+          row.table.left_mm,
+          row.table.head_mm,
+          row.table.height_mm};
 }
 
 void TakeControls(Reader& reader, Command& row) {
@@ -63,7 +75,9 @@ void TakeControls(Reader& reader, Command& row) {
   imaging.mode = static_cast<Imaging::Mode>(static_cast<int>(mode));
   for (double* const value :
        {&imaging.pulses_per_s, &imaging.magnification, &imaging.left, &imaging.right, &imaging.top,
-        &imaging.bottom, &row.table.left_mm, &row.table.head_mm, &row.table.height_mm}) {
+        &imaging.bottom, &imaging.wedge_left.share, &imaging.wedge_left.rotation_deg,
+        &imaging.wedge_right.share, &imaging.wedge_right.rotation_deg, &row.table.left_mm,
+        &row.table.head_mm, &row.table.height_mm}) {
     *value = reader.Take<double>();
   }
 }

@@ -48,10 +48,12 @@ void CheckImaging(const Imaging& imaging) {
   if (simulator::IsValid(ToEffects(imaging))) return;
   throw Error(fmt::format(
       "imaging has mode {}, pulses_per_s {}, magnification {}, shutters left {}, right {}, top {}, "
-      "bottom {}; give a mode of Imaging::Mode, 1 to 60 pulses or 0, magnification 1 to 4, "
-      "shutters 0 to 0.45",
+      "bottom {}, wedges left {} at {} deg, right {} at {} deg; give a mode of Imaging::Mode, 1 to "
+      "60 pulses or 0, magnification 1 to 4, shutters 0 to 0.45, wedges 0 to 0.5 at -90 to 90 deg",
       static_cast<int>(imaging.mode), imaging.pulses_per_s, imaging.magnification, imaging.left,
-      imaging.right, imaging.top, imaging.bottom));
+      imaging.right, imaging.top, imaging.bottom, imaging.wedge_left.share,
+      imaging.wedge_left.rotation_deg, imaging.wedge_right.share,
+      imaging.wedge_right.rotation_deg));
 }
 
 std::vector<PicturePlace> Simulation::PlacesInPicture(const std::vector<Point>& points_mm,

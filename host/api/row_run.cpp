@@ -31,7 +31,9 @@ effects::Imaging ToEffects(const Imaging& imaging) {
           .left = imaging.left,
           .right = imaging.right,
           .top = imaging.top,
-          .bottom = imaging.bottom};
+          .bottom = imaging.bottom,
+          .wedges = {{{imaging.wedge_left.share, imaging.wedge_left.rotation_deg},
+                      {imaging.wedge_right.share, imaging.wedge_right.rotation_deg}}}};
 }
 
 Imaging FromEffects(const effects::Imaging& imaging) {
@@ -41,7 +43,9 @@ Imaging FromEffects(const effects::Imaging& imaging) {
           .left = imaging.left,
           .right = imaging.right,
           .top = imaging.top,
-          .bottom = imaging.bottom};
+          .bottom = imaging.bottom,
+          .wedge_left = {imaging.wedges[0].share, imaging.wedges[0].rotation_deg},
+          .wedge_right = {imaging.wedges[1].share, imaging.wedges[1].rotation_deg}};
 }
 
 effects::Table ToEffects(const Table& table) {

@@ -121,6 +121,10 @@ torquer::Imaging::Mode ModeOf(const std::string& name) {
   throw torquer::Error("mode is '" + name + "'; give as_scene, plain, subtraction or roadmap");
 }
 
+py::tuple PlaceOf(const torquer::Wedge& wedge) {
+  return py::make_tuple(wedge.share, wedge.rotation_deg);
+}
+
 // Only False ends a step; a call without a result continues it.
 std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& call) {
   if (call.is_none()) return EndsAtInterruption();
@@ -165,23 +169,36 @@ void AddSimulation(py::module_& module) {
       .def_readonly("finished", &StepReport::finished, "False if after_tick ended the step early.");
   py::class_<Imaging>(module, "Imaging", "Settings of the X-ray system.")
       .def(py::init([](const std::string& mode, double pulses_per_s, double magnification,
-                       double left, double right, double top, double bottom) {
-             const Imaging made{ModeOf(mode), pulses_per_s, magnification, left,
-                                right,        top,          bottom};
+                       double left, double right, double top, double bottom,
+                       const std::array<double, 2>& wedge_left,
+                       const std::array<double, 2>& wedge_right) {
+             const Imaging made{ModeOf(mode),
+                                pulses_per_s,
+                                magnification,
+                                left,
+                                right,
+                                top,
+                                bottom,
+                                {wedge_left[0], wedge_left[1]},
+                                {wedge_right[0], wedge_right[1]}};
              torquer::CheckImaging(made);
              return made;
            }),
            py::arg("mode") = kModes[0], py::kw_only(), py::arg("pulses_per_s") = 0.0,
            py::arg("magnification") = 1.0, py::arg("left") = 0.0, py::arg("right") = 0.0,
            py::arg("top") = 0.0, py::arg("bottom") = 0.0,
+           py::arg("wedge_left") = std::array<double, 2>{},
+           py::arg("wedge_right") = std::array<double, 2>{},
            "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60; 0: as in the "
            "scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture that "
-           "each shutter covers, 0 to 0.45.")
+           "each shutter covers, 0 to 0.45. wedge_left, wedge_right: wedge filters, each as the "
+           "fraction of the picture that its edge has crossed, 0 to 0.5, and its clockwise turn in "
+           "degrees, -90 to 90.")
       .def("__repr__",
            [](const py::object& self) {
-             return Represent(
-                 self, "Imaging",
-                 {"mode", "pulses_per_s", "magnification", "left", "right", "top", "bottom"});
+             return Represent(self, "Imaging",
+                              {"mode", "pulses_per_s", "magnification", "left", "right", "top",
+                               "bottom", "wedge_left", "wedge_right"});
            })
       .def_property_readonly(
           "mode", [](const Imaging& self) { return kModes[static_cast<int>(self.mode)]; })
@@ -190,7 +207,11 @@ void AddSimulation(py::module_& module) {
       .def_readonly("left", &Imaging::left)
       .def_readonly("right", &Imaging::right)
       .def_readonly("top", &Imaging::top)
-      .def_readonly("bottom", &Imaging::bottom);
+      .def_readonly("bottom", &Imaging::bottom)
+      .def_property_readonly("wedge_left",
+                             [](const Imaging& self) { return PlaceOf(self.wedge_left); })
+      .def_property_readonly("wedge_right",
+                             [](const Imaging& self) { return PlaceOf(self.wedge_right); });
   py::class_<Simulation>(module, "Simulation", "A running simulation of a scene.")
       .def(py::init<const Scene&>(), py::arg("scene"), NoGil(),
            "Makes a simulation at the start of the scene.")

@@ -180,6 +180,7 @@ class Repetition {
       if (IsWithin(message)) feed_.Add(message);
     };
     handlers.imaging = [this](const torquer_lcm::imaging_command_t& message) { Take(message); };
+    handlers.wedges = [this](const torquer_lcm::wedge_command_t& message) { Take(message); };
     handlers.table = [this](const torquer_lcm::table_command_t& message) { Take(message); };
     ReadSessionLog(path, handlers);
     RunTo(std::max(row_ + 1, frame_.end_us() / kJudgeRowUs));

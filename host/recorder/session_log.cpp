@@ -48,6 +48,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   Register(by_channel, protocol::kDeviceSampleChannel, handlers.sample);
   Register(by_channel, protocol::kInstrumentCommandChannel, handlers.command);
   Register(by_channel, protocol::kImagingCommandChannel, handlers.imaging);
+  Register(by_channel, protocol::kWedgeCommandChannel, handlers.wedges);
   Register(by_channel, protocol::kTableCommandChannel, handlers.table);
   Register(by_channel, protocol::kWireStateChannel, handlers.state);
   Register(by_channel, protocol::kSceneChannel, handlers.scene);

@@ -15,6 +15,7 @@
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
 #include "torquer_lcm/table_command_t.hpp"
+#include "torquer_lcm/wedge_command_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace torquer {
@@ -24,6 +25,7 @@ struct SessionHandlers {
   std::function<void(const torquer_lcm::device_sample_t&)> sample;
   std::function<void(const torquer_lcm::instrument_command_t&)> command;
   std::function<void(const torquer_lcm::imaging_command_t&)> imaging;
+  std::function<void(const torquer_lcm::wedge_command_t&)> wedges;
   std::function<void(const torquer_lcm::table_command_t&)> table;
   std::function<void(const torquer_lcm::wire_state_t&)> state;
   std::function<void(const torquer_lcm::scene_description_t&)> scene;

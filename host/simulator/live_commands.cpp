@@ -120,6 +120,7 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
   if (!Accepts(imaging_, "X-ray system", message.sequence, sender, now_us)) return;
   imaging_.sequence = message.sequence;
   effects::Imaging chosen;
+  chosen.wedges = command_.controls.imaging.wedges;
   const bool known =
       message.mode >= protocol::kImagingAsScene && message.mode <= protocol::kImagingRoadmap;
   if (known) chosen.mode = static_cast<effects::Imaging::Mode>(message.mode);
@@ -140,6 +141,27 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
     return;
   }
   Set(imaging_, sender, now_us, chosen, command_.controls.imaging);
+}
+
+void LiveCommands::Take(const torquer_lcm::wedge_command_t& message, const bus::Sender& sender,
+                        std::int64_t now_us) {
+  if (!Accepts(wedges_, "wedge filters", message.sequence, sender, now_us)) return;
+  wedges_.sequence = message.sequence;
+  effects::Imaging chosen = command_.controls.imaging;
+  for (std::size_t k = 0; k < chosen.wedges.size(); ++k) {
+    chosen.wedges[k] = {message.share[k], message.rotation_deg[k]};
+  }
+  if (!IsValid(chosen)) {
+    Refuse(wedges_, kValue, now_us,
+           fmt::format("a command for the wedge filters from {} is refused, and the previous one "
+                       "remains valid: share {:g} {:g}, rotation_deg {:g} {:g}; give share 0 to "
+                       "{:g}, rotation_deg {:g} to {:g}",
+                       bus::Describe(sender), message.share[0], message.share[1],
+                       message.rotation_deg[0], message.rotation_deg[1], effects::Wedge::kMostShare,
+                       -effects::Wedge::kMostRotationDeg, effects::Wedge::kMostRotationDeg));
+    return;
+  }
+  Set(wedges_, sender, now_us, chosen, command_.controls.imaging);
 }
 
 void LiveCommands::Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,

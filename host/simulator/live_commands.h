@@ -8,6 +8,7 @@
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/table_command_t.hpp>
+#include <torquer_lcm/wedge_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
@@ -21,10 +22,10 @@ namespace torquer::simulator {
 /// instrument sets C-arm, pedals and table. The newest settings of the X-ray system stay valid when
 /// their sender is silent. So does the newest position of the table.
 ///
-/// Each instrument, the X-ray system and the table have one sender of commands. Ownership ends when
-/// no usable command of this sender has come for kOwnedUs. Until then commands of other senders and
-/// decreasing numbers are refused. Afterwards any sender and any number from 0 on is accepted. The
-/// class has no clock: the caller passes the time by bus::MonotonicUs().
+/// Each instrument, the X-ray system, its wedges and the table have one sender of commands.
+/// Ownership ends when no usable command of this sender has come for kOwnedUs. Until then commands
+/// of other senders and decreasing numbers are refused. Afterwards any sender and any number from 0
+/// on is accepted. The class has no clock: the caller passes the time by bus::MonotonicUs().
 class LiveCommands {
  public:
   /// After this time without a command the instrument is held at its last target. Its pedals are
@@ -38,6 +39,8 @@ class LiveCommands {
   void Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   void Take(const torquer_lcm::imaging_command_t& message, const bus::Sender& sender,
+            std::int64_t now_us);
+  void Take(const torquer_lcm::wedge_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   void Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
@@ -93,6 +96,7 @@ class LiveCommands {
   Command command_;
   std::vector<Source> sources_;
   Source imaging_;
+  Source wedges_;
   Source table_;
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;

@@ -63,12 +63,16 @@ bool IsValid(const effects::Imaging& imaging) {
   using effects::Imaging;
   // NaN fails each of these.
   const auto shutter = [](double share) { return share >= 0 && share <= Imaging::kMostShutter; };
+  const auto wedge = [](const effects::Wedge& one) {
+    return one.share >= 0 && one.share <= effects::Wedge::kMostShare &&
+           std::abs(one.rotation_deg) <= effects::Wedge::kMostRotationDeg;
+  };
   return imaging.mode <= Imaging::Mode::kRoadmap &&
          (imaging.pulses_per_s == 0 || (imaging.pulses_per_s >= Imaging::kLeastPulses &&
                                         imaging.pulses_per_s <= Imaging::kMostPulses)) &&
          imaging.magnification >= 1 && imaging.magnification <= Imaging::kMostMagnification &&
          shutter(imaging.left) && shutter(imaging.right) && shutter(imaging.top) &&
-         shutter(imaging.bottom);
+         shutter(imaging.bottom) && wedge(imaging.wedges[0]) && wedge(imaging.wedges[1]);
 }
 
 bool IsValid(const effects::Table& table) {

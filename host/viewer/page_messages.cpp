@@ -352,8 +352,8 @@ std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes) 
 }
 
 std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kControlsBytes ||
-      bytes[0] != static_cast<std::uint8_t>(FrameKind::kImaging) || bytes[1] != kFrameVersion) {
+  if (bytes.size() != kImagingBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kImaging) ||
+      bytes[1] != kFrameVersion) {
     return {};
   }
   ImagingChoice choice;
@@ -366,6 +366,10 @@ std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes) {
   imaging.right = 0.01 * bytes[13];
   imaging.top = 0.01 * bytes[14];
   imaging.bottom = 0.01 * bytes[15];
+  for (std::size_t k = 0; k < imaging.wedges.size(); ++k) {
+    imaging.wedges[k] = {0.01 * bytes[20 + k],
+                         static_cast<double>(static_cast<std::int8_t>(bytes[22 + k]))};
+  }
   if (!simulator::IsValid(imaging)) return {};
   return choice;
 }

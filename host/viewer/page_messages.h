@@ -96,6 +96,7 @@ struct TableMotion {
 
 /// Sizes of the messages from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
+inline constexpr std::size_t kImagingBytes = 24;
 
 /// Reads controls. Nullopt if the bytes do not have that layout, or a rate is not finite or exceeds
 /// its limit.

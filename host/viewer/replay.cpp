@@ -137,6 +137,7 @@ class Replayer {
                                                {"pulses_per_s", 0},
                                                {"magnification", 1},
                                                {"shutters", {0, 0, 0, 0}},
+                                               {"wedges", nlohmann::json::array()},
                                                {"states_per_s", last_second}})
                                    .dump());
     nlohmann::json text = {{"kind", "replay"},

@@ -53,7 +53,7 @@ void Steering::Restart() {
   table_ = {};
   table_moved_ = false;
   imaging_ = {};
-  chosen_ = false;
+  chosen_ = wedges_moved_ = false;
 }
 
 bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) {
@@ -77,6 +77,7 @@ bool Steering::Take(PageId page, const ImagingChoice& choice) {
   answered_[page] = choice.number;
   if (page_ && *page_ != page) return false;
   imaging_ = choice.imaging;
+  wedges_moved_ = wedges_moved_ || imaging_.wedges != effects::Imaging().wedges;
   chosen_ = true;
   return true;
 }
@@ -98,6 +99,19 @@ const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_
   command.magnification = imaging_.magnification;
   const double shutters[] = {imaging_.left, imaging_.right, imaging_.top, imaging_.bottom};
   std::copy(std::begin(shutters), std::end(shutters), std::begin(command.shutters));
+  return &command;
+}
+
+const torquer_lcm::wedge_command_t* Steering::WedgeCommand(std::int64_t now_us) {
+  if (!wedges_moved_) return nullptr;
+  torquer_lcm::wedge_command_t& command = wedge_command_;
+  command.sequence = protocol::NextSequence(command.sequence);
+  command.clock_id = clock_id_;
+  command.publish_us = now_us;
+  for (std::size_t k = 0; k < imaging_.wedges.size(); ++k) {
+    command.share[k] = imaging_.wedges[k].share;
+    command.rotation_deg[k] = imaging_.wedges[k].rotation_deg;
+  }
   return &command;
 }
 

@@ -10,6 +10,7 @@
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/table_command_t.hpp>
+#include <torquer_lcm/wedge_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
@@ -58,6 +59,9 @@ class Steering {
   /// Null before the first choice.
   const torquer_lcm::imaging_command_t* ImagingCommand(std::int64_t now_us);
 
+  /// Null before a wedge has moved.
+  const torquer_lcm::wedge_command_t* WedgeCommand(std::int64_t now_us);
+
   /// Null before the first motion, and unless `again` while the table is where the last one put it.
   const torquer_lcm::table_command_t* TableCommand(std::int64_t now_us, bool again);
 
@@ -95,8 +99,10 @@ class Steering {
   torquer_lcm::table_command_t table_command_{};
   effects::Imaging imaging_;
   bool chosen_ = false;
+  bool wedges_moved_ = false;
   std::map<PageId, std::uint32_t> answered_;  // of the pages that are still there
   torquer_lcm::imaging_command_t imaging_command_{};
+  torquer_lcm::wedge_command_t wedge_command_{};
 };
 
 }  // namespace torquer::viewer

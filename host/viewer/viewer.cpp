@@ -239,6 +239,8 @@ class Viewer {
   void PublishImaging(std::int64_t now_us) {
     const torquer_lcm::imaging_command_t* const command = steering_.ImagingCommand(now_us);
     if (command != nullptr) bus_.Publish(protocol::kImagingCommandChannel, *command);
+    const torquer_lcm::wedge_command_t* const wedges = steering_.WedgeCommand(now_us);
+    if (wedges != nullptr) bus_.Publish(protocol::kWedgeCommandChannel, *wedges);
   }
 
   void PublishTable(std::int64_t now_us, bool again) {
@@ -268,6 +270,10 @@ class Viewer {
     PublishImaging(now_us);
     PublishTable(now_us, true);
     const effects::Imaging& imaging = steering_.imaging();
+    nlohmann::json wedges = nlohmann::json::array();
+    for (const effects::Wedge& wedge : imaging.wedges) {
+      wedges.push_back({{"share", wedge.share}, {"rotation_deg", wedge.rotation_deg}});
+    }
     const double passed_s = 1e-6 * static_cast<double>(now_us - summary_us_);
     const auto page = steering_.page();
     server_.ShowText(
@@ -284,6 +290,7 @@ class Viewer {
                         {"pulses_per_s", imaging.pulses_per_s},
                         {"magnification", imaging.magnification},
                         {"shutters", {imaging.left, imaging.right, imaging.top, imaging.bottom}},
+                        {"wedges", wedges},
                         {"answered", steering_.AnsweredChoices()},
                         {"hands", Hands(now_us)},
                         {"problem", simulators_.Conflict(now_us)},

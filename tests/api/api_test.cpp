@@ -423,6 +423,8 @@ TEST_CASE("Unusable values are refused without effect", "[api]") {
   refuse([](Command& c) { c.imaging.pulses_per_s = 61; }, "pulses_per_s 61");
   refuse([&](Command& c) { c.imaging.magnification = nan; }, "magnification nan");
   refuse([](Command& c) { c.imaging.top = 0.5; }, "top 0.5");
+  refuse([](Command& c) { c.imaging.wedge_left.share = 0.51; }, "wedges left 0.51 at 0 deg");
+  refuse([&](Command& c) { c.imaging.wedge_right.rotation_deg = nan; }, "right 0 at nan deg");
   refuse([](Command& c) { c.table.height_mm = 151; }, "height_mm 151; give -150 to 150");
   refuse([&](Command& c) { c.table.left_mm = nan; }, "left_mm nan");
   refuse([](Command& c) { c.imaging.mode = static_cast<torquer::Imaging::Mode>(4); }, "mode 4");

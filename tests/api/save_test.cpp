@@ -40,6 +40,8 @@ class Session {
       command.contrast = Uniform(0, 1) < 0.5;
       command.lao_deg = Uniform(0, 1) < 0.2 ? 10 : 0;
       command.table.height_mm = Uniform(0, 1) < 0.2 ? 20 : 0;
+      command.imaging.wedge_left.share = Uniform(0, 1) < 0.2 ? 0.4 : 0.1;
+      command.imaging.wedge_right = {Uniform(0, 1) < 0.2 ? 0.4 : 0, Uniform(0, 1) < 0.2 ? 60.0 : 0};
       const bool is_rendered = Uniform(0, 1) < 0.3;
       const int ticks = Uniform(0, 1) < 0.3 ? 2 : 1000;
       int done = 0;

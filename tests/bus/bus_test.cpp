@@ -25,6 +25,7 @@
 #include "torquer_lcm/scene_description_t.hpp"
 #include "torquer_lcm/table_command_t.hpp"
 #include "torquer_lcm/vital_signs_t.hpp"
+#include "torquer_lcm/wedge_command_t.hpp"
 #include "torquer_lcm/wire_forces_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
@@ -231,6 +232,7 @@ TEST_CASE("Mutated and random messages of every type end at the bus") {
   bus.Subscribe<torquer_lcm::readings_t>("readings_t", take, 0);
   bus.Subscribe<torquer_lcm::scene_description_t>("scene_description_t", take, 0);
   bus.Subscribe<torquer_lcm::table_command_t>("table_command_t", take, 0);
+  bus.Subscribe<torquer_lcm::wedge_command_t>("wedge_command_t", take, 0);
   bus.Subscribe<torquer_lcm::vital_signs_t>("vital_signs_t", take, 0);
   bus.Subscribe<torquer_lcm::wire_forces_t>("wire_forces_t", take, 0);
   bus.Subscribe<torquer_lcm::wire_state_t>("wire_state_t", take, 0);

@@ -47,6 +47,14 @@ std::vector<Bytes> Seeds() {
     table.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     packet.insert(packet.end(), bytes.begin(), bytes.end());
     AppendPacket(input, packet);
+    torquer_lcm::wedge_command_t wedges{};
+    wedges.sequence = k;
+    wedges.share[k % 2] = 0.2 * k;
+    packet.resize(2);
+    bytes.resize(static_cast<std::size_t>(wedges.getEncodedSize()));
+    wedges.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    packet.insert(packet.end(), bytes.begin(), bytes.end());
+    AppendPacket(input, packet);
   }
   return {input};
 }
@@ -70,6 +78,10 @@ bool Accepts(std::span<const std::uint8_t> input) {
     torquer_lcm::table_command_t table;
     if (bus::DecodeMessage(bytes.data(), bytes.size(), table)) {
       commands.Take(table, sender, now_us);
+    }
+    torquer_lcm::wedge_command_t wedges;
+    if (bus::DecodeMessage(bytes.data(), bytes.size(), wedges)) {
+      commands.Take(wedges, sender, now_us);
     }
     commands.Age(now_us);
     const simulator::Command& wanted = commands.command();

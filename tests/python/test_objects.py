@@ -49,7 +49,7 @@ def test_objects_show_their_contents(phantom):
     assert repr(simulation) == f"Simulation(scene={phantom!r}, time_s=0.1)"
     assert repr(report).startswith(f"StepReport(ticks={report.ticks}, ") and "finished=True" in repr(report)
     assert repr(phantom.instruments[0]).startswith("InstrumentInfo(name='guidewire', max_length_mm=")
-    imaging = torquer.Imaging("plain", magnification=2, left=0.1)
+    imaging = torquer.Imaging("plain", magnification=2, left=0.1, wedge_right=(0.25, -30))
     assert repr(eval(repr(imaging), {"Imaging": torquer.Imaging})) == repr(imaging)
     assert "left=0.1" in repr(imaging)
 
@@ -115,6 +115,31 @@ def test_a_surface_is_that_of_the_vessel(tmp_path):
     assert not torquer.check_mesh(tmp_path / "bad.obj").is_usable
     with pytest.raises(torquer.Error, match="none.obj"):
         torquer.check_mesh(tmp_path / "none.obj")
+
+
+def test_wedge_filters_darken_a_side_of_the_picture(phantom):
+    scene = phantom.with_values({"effects.fluoroscopy.photons": 1e6})
+    pictures, doses = [], []
+    for wedge in ((0.5, 0), (0, 0)):
+        simulation = torquer.Simulation(scene)
+        imaging = torquer.Imaging("plain", wedge_left=wedge)
+        assert (imaging.wedge_left, imaging.wedge_right) == (wedge, (0, 0))
+        simulation.step(0.1, simulation.hands, xray=True, imaging=imaging)
+        pictures.append(simulation.picture().astype(float))
+        doses.append(simulation.readings()["kerma_area_Gy_cm2"])
+    darker = pictures[1] - pictures[0]
+    width = darker.shape[1]
+    assert darker[:, : width // 3].mean() > 20 and darker[:, width // 2 :].mean() == 0
+    # 0.5 mm of copper transmit 49 % at 60 keV; within the ramp, a tenth of the width, more passes.
+    assert 1 - 0.5 * 0.51 < doses[0] / doses[1] < 1 - 0.4 * 0.51
+    for bad in (float("nan"), -0.1, 0.6):
+        with pytest.raises(torquer.Error, match=f"wedges left {bad} at 0 deg, .*; give .* wedges 0 to 0.5 at -90 to 90 deg"):
+            torquer.Imaging(wedge_left=(bad, 0))
+    for bad in (float("nan"), -91, 1e9):
+        with pytest.raises(torquer.Error, match="right 0.1 at"):
+            torquer.Imaging(wedge_right=(0.1, bad))
+    with pytest.raises(TypeError):
+        torquer.Imaging(wedge_left=0.3)
 
 
 def test_points_are_where_the_picture_shows_them():

@@ -9,7 +9,7 @@ import torquer
 def depth_mm(path: str) -> float:
     scene = torquer.Scene(path)
     simulation: torquer.Simulation = torquer.Simulation(scene).copy()
-    imaging = torquer.Imaging("plain", magnification=2)
+    imaging = torquer.Imaging("plain", magnification=2, wedge_left=(0.3, 15))
     report = simulation.step(
         0.1,
         simulation.hands + np.array([[1.0, 0.0]]),

@@ -25,6 +25,7 @@
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/table_command_t.hpp"
+#include "torquer_lcm/wedge_command_t.hpp"
 
 using torquer::FindReading;
 using torquer::SessionJudgment;
@@ -50,6 +51,7 @@ struct Machine {
   std::int64_t refused_senders = 0;
   std::int64_t first_tick_sequence = -1;  // newest command that the first state shows
   bool restarts = false;                  // the simulator counts its ticks from 0 again
+  double wedge_share = 0;                 // 0: no command for the wedges, as in logs before it
   double table_left_mm = 0;               // 0: no command for the table, as in logs before it
 };
 
@@ -134,6 +136,13 @@ double RecordJudged(const SceneFile& file, const Machine& machine, const std::st
       table.publish_us = command.publish_us - 100;
       table.left_mm = machine.table_left_mm;
       log.Write(torquer::protocol::kTableCommandChannel, table);
+    }
+    if (machine.wedge_share != 0 && i == 10) {
+      torquer_lcm::wedge_command_t wedges{};
+      wedges.clock_id = kJudgedClock;
+      wedges.publish_us = command.publish_us - 100;
+      wedges.share[0] = machine.wedge_share;
+      log.Write(torquer::protocol::kWedgeCommandChannel, wedges);
     }
     if (machine.spoil(command)) log.Write(torquer::protocol::kInstrumentCommandChannel, command);
     if (machine.busy && i % 3 != 2) continue;
@@ -229,6 +238,25 @@ TEST_CASE("A replay has the table's position, and the dose there") {
   const double without = judged(0);
   CHECK(without > 0);
   CHECK(judged(60) < 0.9 * without);
+}
+
+TEST_CASE("A replay has the wedges, and the dose behind them") {
+  const auto judged = [](double share) {
+    const SceneFile file(std::string(kJudgedTask) + "[effects.fluoroscopy]\nwidth_px = 64\n");
+    Machine machine;
+    machine.wedge_share = share;
+    RecordJudged(file, machine, "");
+    const SessionJudgment judgment = JudgeFile(file);
+    CHECK(judgment.not_gradable.empty());
+    return *FindReading(judgment.readings, "kerma_area_Gy_cm2");
+  };
+  const double without = judged(0);
+  CHECK(without > 0);
+  // Half of the width is behind 0.5 mm of copper. At its edge is a ramp of a tenth of the width.
+  const double copper = 0.05 * 8.96 * 1.593;
+  const double through = std::exp(-copper);
+  const double ramp = (1 - through) / copper;
+  CHECK(judged(0.5) == Approx((0.5 + 0.1 * ramp + 0.4 * through) * without).epsilon(1e-3));
 }
 
 TEST_CASE("Pedals of a silent sender are up in a replay, as live") {

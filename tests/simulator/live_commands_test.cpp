@@ -289,6 +289,56 @@ TEST_CASE("Settings of the X-ray system stay when their sender is silent", "[sim
   CHECK_THAT(commands.State(), Catch::Contains("no commands for guidewire"));
 }
 
+TEST_CASE("Wedges and the other settings of the X-ray system do not change each other",
+          "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  torquer_lcm::wedge_command_t placed{};
+  placed.sequence = 5;
+  placed.share[0] = 0.3;
+  placed.share[1] = 0.2;
+  placed.rotation_deg[0] = -30;
+  placed.rotation_deg[1] = 90;
+  torquer_lcm::imaging_command_t chosen{};
+  chosen.magnification = 2;
+  const auto imaging = [&] { return commands.command().controls.imaging; };
+  const auto are_placed = [&] {
+    return imaging().wedges[0] == torquer::effects::Wedge{0.3, -30} &&
+           imaging().wedges[1] == torquer::effects::Wedge{0.2, 90};
+  };
+  commands.Take(placed, kHand, kStartUs);
+  CHECK(commands.fresh());
+  CHECK(are_placed());
+  commands.Settle();
+  commands.Take(chosen, kStranger, kStartUs + 1000);
+  CHECK(commands.fresh());
+  CHECK(are_placed());
+  ++placed.sequence;
+  commands.Take(placed, kHand, kStartUs + 2000);
+  CHECK(imaging().magnification == 2);
+
+  commands.TakeNews();
+  using Message = torquer_lcm::wedge_command_t;
+  void (*const spoilers[])(Message&) = {
+      [](Message& m) { m.share[0] = 0.6; }, [](Message& m) { m.share[1] = -0.1; },
+      [](Message& m) { m.share[1] = std::nan(""); }, [](Message& m) { m.rotation_deg[0] = 91; },
+      [](Message& m) { m.rotation_deg[1] = -std::numeric_limits<double>::infinity(); }};
+  for (const auto spoil : spoilers) {
+    Message bad = placed;
+    bad.sequence = ++placed.sequence;
+    spoil(bad);
+    commands.Take(bad, kHand, kStartUs + 3000);
+    CHECK(are_placed());
+  }
+  CHECK(fixture.Count("refused_values") == std::ssize(spoilers));
+  CHECK_THAT(commands.TakeNews(),
+             Catch::Contains("wedge filters") &&
+                 Catch::Contains("share 0.6 0.2, rotation_deg -30 90; give share 0 to 0.5, "
+                                 "rotation_deg -90 to 90"));
+  commands.Take(placed, kStranger, kStartUs + 4000);
+  CHECK(fixture.Count("refused_senders") == 1);
+}
+
 TEST_CASE("The sender of the innermost instrument moves the table, and its place stays",
           "[simulator]") {
   Fixture fixture;

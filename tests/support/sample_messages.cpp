@@ -15,6 +15,7 @@
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/table_command_t.hpp>
 #include <torquer_lcm/vital_signs_t.hpp>
+#include <torquer_lcm/wedge_command_t.hpp>
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
@@ -124,6 +125,8 @@ std::vector<SampleMessage> SampleMessages() {
   torquer_lcm::table_command_t table{};
   table.instrument = "guidewire";
   table.height_mm = 2.5;
+  torquer_lcm::wedge_command_t wedges{};
+  wedges.share[1] = 0.25;
   torquer_lcm::picture_t picture{};
   picture.encoding = "jpeg";
   picture.data = {1, 2, 3, 4, 5};
@@ -147,9 +150,9 @@ std::vector<SampleMessage> SampleMessages() {
   vitals.sample_count = 2;
   vitals.ecg = {0.25, 1};
   vitals.pressure_mmHg = {80, 120.5};
-  return {Sample(forces),  Sample(sample),      Sample(motion),  Sample(health),
-          Sample(command), Sample(imaging),     Sample(picture), Sample(readings),
-          Sample(Scene()), Sample(WireState()), Sample(table),   Sample(vitals)};
+  return {Sample(forces),  Sample(sample),  Sample(motion),   Sample(health),  Sample(command),
+          Sample(imaging), Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState()),
+          Sample(table),   Sample(vitals),  Sample(wedges)};
 }
 
 }  // namespace torquer::test

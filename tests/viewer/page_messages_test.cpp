@@ -257,7 +257,7 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
       const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
       bytes.insert(bytes.end(), first, first + sizeof value);
     }
-    bytes.insert(bytes.end(), {left, 2, 3, bottom, 4, 3, 2, 1});
+    bytes.insert(bytes.end(), {left, 2, 3, bottom, 4, 3, 2, 1, 50, 7, 0xa6, 90});
     return bytes;
   };
   const auto taken = ReadImaging(message(3, 7.5F, 1.5F, 10, 45));
@@ -271,12 +271,22 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   CHECK(imaging.top == Approx(0.03));
   CHECK(imaging.bottom == Approx(0.45));
   CHECK(taken->number == 0x01020304);
+  CHECK(imaging.wedges[0].share == Approx(0.5));
+  CHECK(imaging.wedges[1].share == Approx(0.07));
+  CHECK(imaging.wedges[0].rotation_deg == -90);
+  CHECK(imaging.wedges[1].rotation_deg == 90);
   CHECK(ReadImaging(message(0, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(4, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0.5F, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0, std::nanf(""), 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0, 5, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0, 1, 46, 0)));
+  auto far = message(0, 0, 1, 0, 0);
+  far[20] = 51;
+  CHECK_FALSE(ReadImaging(far));
+  auto turned = message(0, 0, 1, 0, 0);
+  turned[23] = 91;
+  CHECK_FALSE(ReadImaging(turned));
   auto other = message(0, 0, 1, 0, 0);
   CHECK_FALSE(ReadControls(other));
   other.push_back(0);

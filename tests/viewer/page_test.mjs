@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { BrowserSession, checkMargins, holdKey, until } from "./browser_session.mjs";
+import { checkWedges } from "./wedge_checks.mjs";
 
 const [root, programs] = process.argv.slice(2);
 const MS_PER_DEGREE = 1000 / 30; // speed of the arm
@@ -146,7 +147,7 @@ test("contrast is injected while C is held", async () => {
   await hold("KeyC", "more contrast", async () => (await injected()) > start + 2);
 });
 
-test("the X-ray system is set by keys: mode, pulses, field, shutters", async () => {
+test("the X-ray system is set by keys: mode, pulses, field, shutters, wedge filters", async () => {
   const said = (key) => text(`#system-${key} span`);
   const pixel = (x, y) => page.evaluate(([column, row]) => {
     const canvas = document.querySelector("#xray-picture");
@@ -159,7 +160,7 @@ test("the X-ray system is set by keys: mode, pulses, field, shutters", async () 
   await hold("Space", "the shutters", async () => (await pixel(0.05, 0.5)) === 0 && (await pixel(0.5, 0.95)) === 0);
   assert.ok((await pixel(0.5, 0.5)) > 30, "the middle is covered");
   assert.equal(await text("#mask-text"), "", "a plain run has no mask");
-  await checkMargins(page, ["#xray-picture"], [[1024, 768], [860, 420]], 0.6);
+  await checkWedges(page);
   await until("another scale", async () => (await text("#scale")) !== scale);
   for (const key of ["KeyM", "KeyM", "KeyM", "KeyR", "KeyR", "KeyR", "KeyZ", "KeyZ", "KeyK", "KeyK", "KeyK"]) await page.keyboard.press(key);
   await until("all as the scene", async () =>

@@ -144,6 +144,7 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   imaging.magnification = 1.5;
   imaging.left = 0.1;
   imaging.bottom = 0.3;
+  CHECK(steering.WedgeCommand(kStart) == nullptr);
   REQUIRE(steering.Take(3, {imaging, 70}));
   const auto* command = steering.ImagingCommand(kStart + 10);
   REQUIRE(command != nullptr);
@@ -155,6 +156,7 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   CHECK(command->shutters[3] == 0.3);
   CHECK(command->clock_id == 77);
   CHECK(command->publish_us == kStart + 10);
+  CHECK(steering.WedgeCommand(kStart + 10) == nullptr);
   const std::int64_t first = command->sequence;
   CHECK(steering.ImagingCommand(kStart + 20)->sequence == first + 1);
 
@@ -170,6 +172,32 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{70, 81});
   steering.Leave(3);
   CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{81});
+}
+
+TEST_CASE("Positions of the wedges are sent once one has moved") {
+  Steering steering = Placed();
+  torquer::effects::Imaging imaging;
+  REQUIRE(steering.Take(3, {imaging, 1}));
+  CHECK(steering.WedgeCommand(kStart) == nullptr);
+  imaging.wedges = {{{0.3, -30}, {0.1, 60}}};
+  REQUIRE(steering.Take(3, {imaging, 2}));
+  const auto* command = steering.WedgeCommand(kStart + 10);
+  REQUIRE(command != nullptr);
+  CHECK(command->share[0] == 0.3);
+  CHECK(command->share[1] == 0.1);
+  CHECK(command->rotation_deg[0] == -30);
+  CHECK(command->rotation_deg[1] == 60);
+  CHECK(command->clock_id == 77);
+  CHECK(command->publish_us == kStart + 10);
+  const std::int64_t first = command->sequence;
+  // Out again, and it is still sent.
+  REQUIRE(steering.Take(3, {{}, 3}));
+  command = steering.WedgeCommand(kStart + 20);
+  REQUIRE(command != nullptr);
+  CHECK(command->sequence == first + 1);
+  CHECK(command->share[0] == 0);
+  steering.Restart();
+  CHECK(steering.WedgeCommand(kStart + 30) == nullptr);
 }
 
 TEST_CASE("The steering page moves the table at its rate, and it stops with the page") {

@@ -171,6 +171,12 @@ class TORQUER_API Scene {
   std::shared_ptr<const Impl> impl_;
 };
 
+/// Position of a wedge filter: 0.5 mm of copper, whose edge comes in across the picture.
+struct Wedge {
+  double share = 0;         ///< of the picture that its edge has crossed; 0 (out) to 0.5
+  double rotation_deg = 0;  ///< clockwise in the picture; -90 to 90
+};
+
 /// Settings of the X-ray system. They have an effect only with [effects.fluoroscopy].
 struct Imaging {
   enum class Mode : std::uint8_t {
@@ -187,6 +193,8 @@ struct Imaging {
   double right = 0;
   double top = 0;
   double bottom = 0;
+  Wedge wedge_left = {};   ///< at 0 deg it comes in from the left
+  Wedge wedge_right = {};  ///< at 0 deg it comes in from the right
 };
 
 /// Throws Error for settings that a step refuses.

@@ -86,6 +86,17 @@ struct EffectContext {
   Eigen::Vector3d Direction(const DirectionSpec& spec) const;
 };
 
+/// Position of one of the two wedge filters of the X-ray system (imaging/wedge_filters.h). At 0 deg
+/// the first one comes in from the left of the picture, the second one from the right.
+struct Wedge {
+  static constexpr double kMostShare = 0.5;
+  static constexpr double kMostRotationDeg = 90;
+
+  double share = 0;         ///< of the picture that its edge has crossed, 0 (out) to kMostShare
+  double rotation_deg = 0;  ///< clockwise in the picture, -kMostRotationDeg to kMostRotationDeg
+  bool operator==(const Wedge&) const = default;
+};
+
 /// Operator's settings of the X-ray system, besides the angles of the C-arm.
 struct Imaging {
   enum class Mode : std::uint8_t { kAsScene, kPlain, kSubtraction, kRoadmap };
@@ -98,6 +109,7 @@ struct Imaging {
   double magnification = 1;  ///< 1 to kMostMagnification: factor by which the field is narrower
   /// Share of the picture that each shutter covers, 0 to kMostShutter.
   double left = 0, right = 0, top = 0, bottom = 0;
+  std::array<Wedge, 2> wedges{};
   bool operator==(const Imaging&) const = default;
 };
 

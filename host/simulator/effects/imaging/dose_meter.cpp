@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "host/simulator/effects/imaging/wedge_filters.h"
+
 namespace torquer::effects {
 
 namespace {
@@ -49,12 +51,17 @@ void DoseMeter::Observe(const FluoroscopySettings& settings, double time_s,
     pulse_view_ = view;
     pulse_mGy_ = PulseKermaMGy(settings, controls);
   }
+  if (const Imaging& imaging = controls.imaging; imaging != wedge_imaging_) {
+    wedge_imaging_ = imaging;
+    const double aspect = static_cast<double>(settings.arm.height) / settings.arm.width;
+    wedge_transmission_ = WedgeShadows(imaging, aspect).MeanTransmission(imaging);
+  }
   constexpr double kEarlyS = 5e-4;  // half a tick
   while (time_s >= next_pulse_s_ - kEarlyS) {
     next_pulse_s_ += 1 / settings.PulsesPerS(controls.imaging);
     ++pulses_;
     air_kerma_mGy_ += pulse_mGy_;
-    kerma_area_Gy_cm2_ += 1e-3 * pulse_mGy_ * OpenAreaCm2(settings, controls);
+    kerma_area_Gy_cm2_ += 1e-3 * pulse_mGy_ * OpenAreaCm2(settings, controls) * wedge_transmission_;
   }
 }
 

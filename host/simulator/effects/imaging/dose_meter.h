@@ -23,10 +23,12 @@ class DoseMeter {
   double next_pulse_s_ = 0;
   bool was_exposed_ = false;
   double air_kerma_mGy_ = 0;      // at the interventional reference point
-  double kerma_area_Gy_cm2_ = 0;  // there, between the shutters
+  double kerma_area_Gy_cm2_ = 0;  // there, between the shutters and behind the wedges
   Controls last_;                 // of the last tick
   double pulse_mGy_ = 0;          // of a pulse in the view below
   View pulse_view_;
+  double wedge_transmission_ = 1;  // mean of the open beam with the settings below
+  Imaging wedge_imaging_;
 };
 
 }  // namespace torquer::effects

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "host/simulator/effects/imaging/fluoroscopy_noise.h"
+#include "host/simulator/effects/imaging/wedge_filters.h"
 
 namespace torquer::effects {
 
@@ -120,8 +121,33 @@ void PictureRenderer::Render(const XrayFrame& frame, ImageSource::Picture& out) 
   out.controls = frame.controls;
   out.gray.resize(noise_.size());
   if (settings_.ModeOf(frame.controls.imaging) != Mode::kPlain) Subtract(frame);
+  FillWedges(frame.controls.imaging);
   Expose(frame, out);
   CoverWithShutters(frame.controls.imaging, out);
+}
+
+// Finds the shadows of the wedges. They change slowly across the picture, so a plain picture shows
+// the same fraction of them as of the body. A subtraction shows how far they moved since its mask.
+void PictureRenderer::FillWedges(const Imaging& imaging) {
+  const double aspect = static_cast<double>(settings_.arm.height) / settings_.arm.width;
+  const WedgeShadows now(imaging, aspect);
+  const bool is_plain = settings_.ModeOf(imaging) == Mode::kPlain;
+  const WedgeShadows mask(is_plain ? Imaging{} : memory_.mask_imaging, aspect);
+  has_wedges_ = now.any() || mask.any();
+  if (!has_wedges_) return;
+  wedges_.Clear(settings_.arm.width, settings_.arm.height);
+  now.Fill(wedges_);
+  wedges_shown_ = wedges_;
+  if (is_plain) {
+    for (float& value : wedges_shown_.value) value *= kBodyShown;
+  } else if (mask.any()) {
+    Plane& of_mask = scratch_;
+    of_mask.Clear(wedges_.width, wedges_.height);
+    mask.Fill(of_mask);
+    for (std::size_t i = 0; i < of_mask.value.size(); ++i) {
+      wedges_shown_.value[i] -= of_mask.value[i];
+    }
+  }
 }
 
 // Paints the shutters black, like lead.
@@ -155,6 +181,7 @@ void PictureRenderer::Subtract(const XrayFrame& frame) {
     FillWithNoise(settings_.seed, kMaskPicture + static_cast<std::uint64_t>(frame.number),
                   memory_.mask_noise.data(), memory_.mask_noise.size());
     memory_.has_mask = true;
+    memory_.mask_imaging = frame.controls.imaging;
     memory_.mask_pedal = frame.pedal;
   }
   if (mode != Mode::kRoadmap) return;
@@ -180,7 +207,9 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
     const float thick = body[i] - memory_.exposure;
     const float seen = thick + devices[i] + dye[i];
     // Even black metal transmits a photon or two, so the attenuation is limited for the noise.
-    const float deviation = sigma / std::sqrt(std::exp(-std::min(seen, 5.0F)) + scatter);
+    float deviation = sigma / std::sqrt(std::exp(-std::min(seen, 5.0F)) + scatter);
+    // A wedge takes the same part of the photons that scatter.
+    if (has_wedges_) deviation *= std::exp(0.5F * wedges_.value[i]);
     float value = 0;
     switch (mode) {
       case Mode::kPlain:
@@ -199,6 +228,7 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
         break;
       }
     }
+    if (has_wedges_) value -= wedges_shown_.value[i];
     const float gray = 255 * (background + gain * value) + 0.5F;
     out.gray[i] = static_cast<std::uint8_t>(std::clamp(gray, 0.0F, 255.0F));
   }

@@ -42,6 +42,7 @@ class PictureRenderer {
     std::int64_t body_still = 0;  // as in XrayFrame
     int fine_parts = 0;           // of the plane of a scan
     bool has_mask = false;
+    Imaging mask_imaging;
     std::int64_t mask_pedal = 0;
     std::int64_t seen_session = 0;  // of the last picture
     float exposure = 0;
@@ -52,6 +53,7 @@ class PictureRenderer {
   void RefineScan(const Projection& projection, std::int64_t still);
   void PaintDye(const XrayFrame& frame, const Projection& projection);
   void Subtract(const XrayFrame& frame);
+  void FillWedges(const Imaging& imaging);
   void Expose(const XrayFrame& frame, ImageSource::Picture& out) const;
   static void CoverWithShutters(const Imaging& imaging, ImageSource::Picture& out);
 
@@ -62,6 +64,9 @@ class PictureRenderer {
   LumenPainter painter_;
   std::vector<LumenPoint> painted_;
   Plane devices_, dye_, scratch_;
+  bool has_wedges_ = false;
+  Plane wedges_;        // of this picture, if it has_wedges_
+  Plane wedges_shown_;  // their part of the shown attenuation
   std::vector<float> noise_;
 };
 

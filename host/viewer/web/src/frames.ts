@@ -131,12 +131,19 @@ export interface Patient {
 
 export const ALARM = { rateLow: 1, rateHigh: 2, systolicLow: 4, systolicHigh: 8, damped: 16 } as const;
 
+/** Position of a wedge filter. The first comes in from the left, the second from the right. */
+export interface Wedge {
+  share: number; // of the picture that its edge has crossed
+  rotation_deg: number; // clockwise in the picture
+}
+
 /** Settings of the X-ray system. Zero pulses and mode 0 select the scene's values. */
 export interface Imaging {
   mode: number;
   pulses_per_s: number;
   magnification: number;
   shutters: [number, number, number, number]; // left, right, top, bottom: covered fractions
+  wedges: Wedge[]; // two; a replay has none
 }
 
 export interface Viewer extends Imaging {
@@ -343,7 +350,7 @@ export function writeTable(controls: Controls): ArrayBuffer {
 
 /** `choice`: the page's number of this choice, which torquer-viewer answers. */
 export function writeImaging(imaging: Imaging, choice: number): ArrayBuffer {
-  const view = new DataView(new ArrayBuffer(20));
+  const view = new DataView(new ArrayBuffer(24));
   view.setUint8(0, 18);
   view.setUint8(1, VERSION);
   view.setUint8(2, imaging.mode);
@@ -351,6 +358,10 @@ export function writeImaging(imaging: Imaging, choice: number): ArrayBuffer {
   view.setFloat32(8, imaging.magnification, true);
   for (const [k, share] of imaging.shutters.entries()) view.setUint8(12 + k, Math.round(100 * share));
   view.setUint32(16, choice, true);
+  for (const [k, wedge] of imaging.wedges.entries()) {
+    view.setUint8(20 + k, Math.round(100 * wedge.share));
+    view.setInt8(22 + k, Math.round(wedge.rotation_deg));
+  }
   return view.buffer;
 }
 

@@ -1,4 +1,4 @@
-// Settings of the X-ray system: display mode, pulse rate, field and shutters.
+// Settings of the X-ray system: display mode, pulse rate, field, shutters and wedge filters.
 
 import { element, setText } from "./dom.js";
 import type { Imaging, Viewer } from "./frames.js";
@@ -7,6 +7,10 @@ const MODES = ["scene's display", "plain", "subtraction", "road map"];
 const PULSES = [0, 7.5, 15, 30];
 const MAGNIFICATIONS = [1, 1.5, 2, 3];
 const SHUTTERS = [0, 0.1, 0.2, 0.3];
+const WEDGES = [0, 1, 2, 3]; // bits: 1 the left one is in, 2 the right one
+const DEPTHS = [0.1, 0.2, 0.3, 0.4, 0.5]; // fractions of the picture
+const WEDGE_NAMES = ["wedges out", "wedge left", "wedge right", "wedges in"];
+const TURNS = [0, 30, 60, 90, -60, -30];
 const ANSWER_MS = 10000; // a choice without an answer is lost then
 
 function after(list: readonly number[], value: number): number {
@@ -14,18 +18,24 @@ function after(list: readonly number[], value: number): number {
   return list[(place + 1) % list.length]!;
 }
 
+// Bits of the wedges that are in the beam.
+function wedgesIn({ wedges }: Imaging): number {
+  return wedges.reduce((bits, { share }, k) => bits | (share > 0 ? 1 << k : 0), 0);
+}
+
 export class XraySystem {
   private readonly root = element<HTMLElement>("#system");
-  private now: Imaging = { mode: 0, pulses_per_s: 0, magnification: 1, shutters: [0, 0, 0, 0] };
+  private now: Imaging = { mode: 0, pulses_per_s: 0, magnification: 1, shutters: [0, 0, 0, 0], wedges: [] };
   private enabled = false;
   private choice = crypto.getRandomValues(new Uint32Array(1))[0]!; // number of the newest choice; pages have different ones
   private chosenMs = -Infinity;
   private answered = true;
+  private depth = 0.3; // of wedges that come in next
 
   /** `send` returns false if there is no connection. */
   constructor(private readonly send: (imaging: Imaging, choice: number) => boolean) {
-    for (const key of ["M", "R", "Z", "K"]) {
-      element(`#system-${key}`).addEventListener("click", () => this.next(`Key${key}`));
+    for (const code of ["KeyM", "KeyR", "KeyZ", "KeyK", "KeyU", "Digit9", "KeyT"]) {
+      element(`#system-${code.slice(-1)}`).addEventListener("click", () => this.next(code));
     }
   }
 
@@ -55,6 +65,11 @@ export class XraySystem {
     say("Z", `field ×${imaging.magnification}`);
     const most = Math.max(...imaging.shutters);
     say("K", most === 0 ? "shutters open" : `shutters ${Math.round(100 * most)} %`);
+    const wedges = wedgesIn(imaging);
+    say("U", WEDGE_NAMES[wedges] ?? "");
+    say("9", `${Math.round(100 * this.share)} %`);
+    say("T", `${this.turn}°`);
+    for (const key of ["9", "T"]) element<HTMLElement>(`#system-${key}`).hidden = wedges === 0;
   }
 
   /** Chooses the next value of the setting of a key; false for other keys. */
@@ -67,13 +82,32 @@ export class XraySystem {
     else if (code === "KeyK") {
       const next = after(SHUTTERS, shutters[0]);
       this.choose({ shutters: [next, next, next, next] });
-    } else return false;
+    } else if (code === "KeyU") this.placeWedges(after(WEDGES, wedgesIn(this.now)), this.share, this.turn);
+    else if (wedgesIn(this.now) === 0) return false;
+    else if (/^(?:Digit|Numpad)9$/.test(code)) this.placeWedges(wedgesIn(this.now), after(DEPTHS, this.share), this.turn);
+    else if (code === "KeyT") this.placeWedges(wedgesIn(this.now), this.share, after(TURNS, this.turn));
+    else return false;
     return true;
   }
 
+  private get share(): number {
+    return this.now.wedges.find(({ share }) => share > 0)?.share ?? this.depth;
+  }
+
+  private get turn(): number {
+    return this.now.wedges[0]?.rotation_deg ?? 0;
+  }
+
+  // Both have the same depth and turn, so that opposite sides of the picture are covered.
+  private placeWedges(bits: number, share: number, turn: number): void {
+    const place = (bit: number) => ({ share: (bits & bit) !== 0 ? share : 0, rotation_deg: turn });
+    this.depth = share;
+    this.choose({ wedges: [place(1), place(2)] });
+  }
+
   private choose(change: Partial<Imaging>): void {
-    const { mode, pulses_per_s, magnification, shutters } = { ...this.now, ...change };
-    const chosen = { mode, pulses_per_s, magnification, shutters };
+    const { mode, pulses_per_s, magnification, shutters, wedges } = { ...this.now, ...change };
+    const chosen = { mode, pulses_per_s, magnification, shutters, wedges };
     const choice = (this.choice + 1) % 2 ** 32;
     if (!this.send(chosen, choice)) return;
     this.choice = choice;
