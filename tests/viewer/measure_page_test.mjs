@@ -281,7 +281,7 @@ test("a mask serves its own view and display, and says what it should not have",
   await press("KeyN");
   assert.equal(await text("#mask-text"), "No mask from a road map");
   await press("Digit0");
-  await showPattern({ readings: { picture_mode: 1, picture_instrument: 1 } });
+  await showPattern({ stepS: 3, readings: { picture_mode: 1, picture_instrument: 1 } }); // a new run
   assert.equal(await text("#mask-text"), "Mask, with instrument", "the simulator's own mask");
 });
 
