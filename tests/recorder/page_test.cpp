@@ -77,7 +77,7 @@ TEST_CASE("The page shows the assessment with its limits") {
 TEST_CASE("The page compares the contrast agent with the patient's limit") {
   const auto page = [](double limit_mL) {
     SessionReport report = PageReport(true);
-    report.readings.names.push_back("contrast_limit_mL");
+    report.readings.names.emplace_back("contrast_limit_mL");
     report.readings.values.push_back(limit_mL);
     return FormatPage(report, PagePartsOfCourse());
   };
