@@ -40,8 +40,8 @@ class Session {
       command.contrast = Uniform(0, 1) < 0.5;
       command.lao_deg = Uniform(0, 1) < 0.2 ? 10 : 0;
       command.table.height_mm = Uniform(0, 1) < 0.2 ? 20 : 0;
-      command.imaging.wedge_left.share = Uniform(0, 1) < 0.2 ? 0.4 : 0.1;
-      command.imaging.wedge_right = {Uniform(0, 1) < 0.2 ? 0.4 : 0, Uniform(0, 1) < 0.2 ? 60.0 : 0};
+      command.imaging.wedge_left = Drawn(0.4, -30);
+      command.imaging.wedge_right = Drawn(0.3, 60);
       const bool is_rendered = Uniform(0, 1) < 0.3;
       const int ticks = Uniform(0, 1) < 0.3 ? 2 : 1000;
       int done = 0;
@@ -53,6 +53,10 @@ class Session {
   }
 
  private:
+  // A wedge in the beam that is sometimes turned.
+  torquer::Wedge Drawn(double share, double turned_deg) {
+    return {Uniform(0, 1) < 0.5 ? share : 0.1, Uniform(0, 1) < 0.5 ? turned_deg : 0};
+  }
   double Uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random_);
   }
