@@ -173,6 +173,13 @@ TEST_CASE("A subtraction shows wedges that moved since its mask, and shutters co
   CHECK(GrayAt(shut, 5, 5) == 0);
   CHECK(GrayAt(shut, 31, 90) == 0);
   CHECK(GrayAt(shut, 33, 5) > 100);
+  // The next press takes a new mask, without wedges.
+  CHECK(spread(PictureOf(session, 0.5, {})) > 50);
+  Command released = CommandFor(0.55, {});
+  released.controls.xray = false;
+  torquer::CountedBudget budget(3000);
+  session.Tick(released, budget);
+  CHECK(spread(PictureOf(session, 0.6, {})) <= 3);
 }
 
 namespace {

@@ -129,15 +129,20 @@ void PictureRenderer::Render(const XrayFrame& frame, ImageSource::Picture& out) 
 // Finds the shadows of the wedges. They change slowly across the picture, so a plain picture shows
 // the same fraction of them as of the body. A subtraction shows how far they moved since its mask.
 void PictureRenderer::FillWedges(const Imaging& imaging) {
-  const double aspect = static_cast<double>(settings_.arm.height) / settings_.arm.width;
-  const WedgeShadows now(imaging, aspect);
   const bool is_plain = settings_.ModeOf(imaging) == Mode::kPlain;
-  const WedgeShadows mask(is_plain ? Imaging{} : memory_.mask_imaging, aspect);
+  const WedgeView view{imaging, is_plain ? Imaging{} : memory_.mask_imaging};
+  if (view == wedge_view_) return;
+  wedge_view_ = view;
+  const double aspect = static_cast<double>(settings_.arm.height) / settings_.arm.width;
+  const WedgeShadows now(view.now, aspect);
+  const WedgeShadows mask(view.mask, aspect);
   has_wedges_ = now.any() || mask.any();
   if (!has_wedges_) return;
   wedges_.Clear(settings_.arm.width, settings_.arm.height);
   now.Fill(wedges_);
   wedges_shown_ = wedges_;
+  // A wedge takes the same part of the photons that scatter.
+  for (float& value : wedges_.value) value = std::exp(0.5F * value);
   if (is_plain) {
     for (float& value : wedges_shown_.value) value *= kBodyShown;
   } else if (mask.any()) {
@@ -208,8 +213,7 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
     const float seen = thick + devices[i] + dye[i];
     // Even black metal transmits a photon or two, so the attenuation is limited for the noise.
     float deviation = sigma / std::sqrt(std::exp(-std::min(seen, 5.0F)) + scatter);
-    // A wedge takes the same part of the photons that scatter.
-    if (has_wedges_) deviation *= std::exp(0.5F * wedges_.value[i]);
+    if (has_wedges_) deviation *= wedges_.value[i];
     float value = 0;
     switch (mode) {
       case Mode::kPlain:

@@ -64,8 +64,14 @@ class PictureRenderer {
   LumenPainter painter_;
   std::vector<LumenPoint> painted_;
   Plane devices_, dye_, scratch_;
+  // The planes of the wedges depend on these alone, and most pictures repeat them.
+  struct WedgeView {
+    Imaging now, mask;
+    bool operator==(const WedgeView&) const = default;
+  };
+  WedgeView wedge_view_;
   bool has_wedges_ = false;
-  Plane wedges_;        // of this picture, if it has_wedges_
+  Plane wedges_;        // factor of the noise behind them, if the picture has_wedges_
   Plane wedges_shown_;  // their part of the shown attenuation
   std::vector<float> noise_;
 };
