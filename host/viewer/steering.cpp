@@ -7,6 +7,18 @@
 
 namespace torquer::viewer {
 
+namespace {
+
+// Gives a command its sender's next number, and the time.
+template <class Command>
+void Stamp(Command& command, std::int64_t clock_id, std::int64_t now_us) {
+  command.sequence = protocol::NextSequence(command.sequence);
+  command.clock_id = clock_id;
+  command.publish_us = now_us;
+}
+
+}  // namespace
+
 void Steering::Add(const torquer_lcm::scene_description_t& scene) {
   const bool same = std::equal(
       scene.instruments.begin(), scene.instruments.end(), commands_.begin(), commands_.end(),
@@ -16,7 +28,6 @@ void Steering::Add(const torquer_lcm::scene_description_t& scene) {
   reach_.assign(scene.instruments.size(), {});
   for (std::size_t k = 0; k < commands_.size(); ++k) {
     commands_[k].instrument = scene.instruments[k];
-    commands_[k].clock_id = clock_id_;
     reach_[k] = {-scene.inserted_at_start_mm[k],
                  scene.max_length_mm[k] - scene.inserted_at_start_mm[k]};
   }
@@ -91,9 +102,7 @@ std::vector<std::uint32_t> Steering::AnsweredChoices() const {
 const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_us) {
   if (!chosen_) return nullptr;
   torquer_lcm::imaging_command_t& command = imaging_command_;
-  command.sequence = protocol::NextSequence(command.sequence);
-  command.clock_id = clock_id_;
-  command.publish_us = now_us;
+  Stamp(command, clock_id_, now_us);
   command.mode = static_cast<std::int32_t>(imaging_.mode);
   command.pulses_per_s = imaging_.pulses_per_s;
   command.magnification = imaging_.magnification;
@@ -105,9 +114,7 @@ const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_
 const torquer_lcm::wedge_command_t* Steering::WedgeCommand(std::int64_t now_us) {
   if (!wedges_moved_) return nullptr;
   torquer_lcm::wedge_command_t& command = wedge_command_;
-  command.sequence = protocol::NextSequence(command.sequence);
-  command.clock_id = clock_id_;
-  command.publish_us = now_us;
+  Stamp(command, clock_id_, now_us);
   for (std::size_t k = 0; k < imaging_.wedges.size(); ++k) {
     command.share[k] = imaging_.wedges[k].share;
     command.rotation_deg[k] = imaging_.wedges[k].rotation_deg;
@@ -128,9 +135,7 @@ const torquer_lcm::table_command_t* Steering::TableCommand(std::int64_t now_us, 
   const effects::Table sent{command.left_mm, command.head_mm, command.height_mm};
   if (!table_moved_ || commands_.empty() || (!again && sent == table_)) return nullptr;
   command.instrument = commands_.front().instrument;
-  command.sequence = protocol::NextSequence(command.sequence);
-  command.clock_id = clock_id_;
-  command.publish_us = now_us;
+  Stamp(command, clock_id_, now_us);
   command.left_mm = table_.left_mm;
   command.head_mm = table_.head_mm;
   command.height_mm = table_.height_mm;
@@ -176,9 +181,8 @@ const std::vector<torquer_lcm::instrument_command_t>& Steering::Commands(std::in
   static const std::vector<torquer_lcm::instrument_command_t> kNone;
   if (!placed_) return kNone;
   for (torquer_lcm::instrument_command_t& command : commands_) {
-    command.sequence = protocol::NextSequence(command.sequence);
+    Stamp(command, clock_id_, now_us);
     command.origin_us = now_us;
-    command.publish_us = now_us;
     command.lao_rad = lao_rad_;
     command.cra_rad = cra_rad_;
     command.xray = static_cast<std::int8_t>(controls_.xray);

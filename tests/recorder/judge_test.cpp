@@ -223,17 +223,27 @@ TEST_CASE("A replay has the hands, the pedals and the length of the session") {
   CHECK(FindReading(judgment.readings, "target_reached") == 1);
 }
 
+namespace {
+
+// Readings of a judged session in a scene with X-ray.
+auto ReadingsWithXray(const Machine& machine) {
+  const SceneFile file(std::string(kJudgedTask) + "[effects.fluoroscopy]\nwidth_px = 64\n");
+  RecordJudged(file, machine, "");
+  const SessionJudgment judgment = JudgeFile(file);
+  CHECK(judgment.not_gradable.empty());
+  return judgment.readings;
+}
+
+}  // namespace
+
 TEST_CASE("A replay has the table's position, and the dose there") {
   // Beside the spine the beam goes through less.
   const auto judged = [](double left_mm) {
-    const SceneFile file(std::string(kJudgedTask) + "[effects.fluoroscopy]\nwidth_px = 64\n");
     Machine machine;
     machine.table_left_mm = left_mm;
-    RecordJudged(file, machine, "");
-    const SessionJudgment judgment = JudgeFile(file);
-    CHECK(judgment.not_gradable.empty());
-    CHECK(FindReading(judgment.readings, "table_left_mm") == left_mm);
-    return *FindReading(judgment.readings, "air_kerma_mGy");
+    const auto readings = ReadingsWithXray(machine);
+    CHECK(FindReading(readings, "table_left_mm") == left_mm);
+    return *FindReading(readings, "air_kerma_mGy");
   };
   const double without = judged(0);
   CHECK(without > 0);
@@ -242,13 +252,9 @@ TEST_CASE("A replay has the table's position, and the dose there") {
 
 TEST_CASE("A replay has the wedges, and the dose behind them") {
   const auto judged = [](double share) {
-    const SceneFile file(std::string(kJudgedTask) + "[effects.fluoroscopy]\nwidth_px = 64\n");
     Machine machine;
     machine.wedge_share = share;
-    RecordJudged(file, machine, "");
-    const SessionJudgment judgment = JudgeFile(file);
-    CHECK(judgment.not_gradable.empty());
-    return *FindReading(judgment.readings, "kerma_area_Gy_cm2");
+    return *FindReading(ReadingsWithXray(machine), "kerma_area_Gy_cm2");
   };
   const double without = judged(0);
   CHECK(without > 0);
