@@ -42,8 +42,31 @@ inline Eigen::MatrixXd JacobianOf(
   return (m + m.transpose()) / 2;
 }
 
+/// Second derivatives by polarization: those along e_i + e_j, e_i and e_j give the mixed one. It
+/// takes an eighth of the values that differences of GradientOf would take.
 inline Eigen::MatrixXd HessianOf(const ScalarFunction& f, const Eigen::VectorXd& x, double h) {
-  return JacobianOf([&](const Eigen::VectorXd& at) { return GradientOf(f, at, h); }, x, h);
+  const double middle = f(x);
+  Eigen::VectorXd at = x;
+  const auto second = [&](Eigen::Index i, Eigen::Index j) {
+    const auto value = [&](double step) {
+      at[i] = x[i] + step;
+      at[j] = x[j] + step;
+      const double v = f(at);
+      at[i] = x[i];
+      at[j] = x[j];
+      return v;
+    };
+    return (16 * (value(h) + value(-h)) - (value(2 * h) + value(-2 * h)) - 30 * middle) /
+           (12 * h * h);
+  };
+  Eigen::MatrixXd m(x.size(), x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) m(i, i) = second(i, i);
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      m(i, j) = m(j, i) = (second(i, j) - m(i, i) - m(j, j)) / 2;
+    }
+  }
+  return m;
 }
 
 /// Converts a vector of 2 n numbers to n steps.
