@@ -14,7 +14,7 @@ import pytest
 import torquer
 from pydicom.dataset import FileDataset, FileMetaDataset
 from scipy import ndimage
-from torquer.importer import centerlines, lumen, scan, surface, views
+from torquer.importer import body, centerlines, lumen, scan, surface, views
 
 VOXEL_MM = 0.8
 LOW = np.array([-40.0, -40.0, 0.0])
@@ -75,17 +75,26 @@ def curves_of(folder):
     return out
 
 
-def test_surface_is_the_true_one(imported):
-    data = (imported / "patient/surface.stl").read_bytes()
+def surface_of(folder):
+    """Triangles of the case, as the file has them: normals and corners."""
+    data = (folder / "surface.stl").read_bytes()
     assert b"SPACE=LPS" in data[:80]
     rows = np.frombuffer(data[84:], np.dtype([("n", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")]))
-    corners = rows["corners"].astype(float)
+    return rows["n"].astype(float), rows["corners"].astype(float)
+
+
+def volume_mm3(corners):
+    return np.einsum("ij,ij", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+
+
+def test_surface_is_the_true_one(imported):
+    normals, corners = surface_of(imported / "patient")
     centers = corners.mean(axis=1)
     # Without the flat end at the border of the scan.
     errors = np.abs(vessel_depth(centers[centers[:, 2] > 1]))
     assert np.percentile(errors, 50) < 0.13 and np.percentile(errors, 95) < 0.6 and errors.max() < 1.5
     # Normals of the file point outward, where the depth falls.
-    out = vessel_depth(centers + 0.3 * rows["n"]) < vessel_depth(centers - 0.3 * rows["n"])
+    out = vessel_depth(centers + 0.3 * normals) < vessel_depth(centers - 0.3 * normals)
     assert out[centers[:, 2] > 1].mean() > 0.99
 
 
@@ -154,10 +163,23 @@ def test_angles_of_the_c_arm_show_branches(imported):
     assert re.search(r"^#   c01: (LAO|RAO) \d+, (CRA|CAU) \d+; \d+ % of its length, \d+ degrees from its parent$", text, re.M)
 
 
+def blur_of(folder):
+    return float(re.search(r"^ct_blur_mm = ([0-9.]+)$", next(folder.glob("*.toml")).read_text(), re.M)[1])
+
+
 def test_label_map_gives_the_same_vessel(imported):
-    done = run(imported / "patient/lumen.nii.gz", "--label", lumen.LUMEN, "--out", imported / "again")
+    done = run(
+        imported / "patient/lumen.nii.gz", "--label", lumen.LUMEN, "--body", imported / "scan.nii.gz", "--out", imported / "again"
+    )
     assert done.returncode == 0, done.stderr
     assert len(curves_of(imported / "again")) == 3
+    # The map has no gray values, so its wall is less exact. Its volume is that of the surface from the scan.
+    volumes = [volume_mm3(surface_of(imported / name)[1]) for name in ("patient", "again")]
+    assert abs(volumes[1] / volumes[0] - 1) < 0.02
+    # The scan beside it is the body, as for the case from the scan.
+    assert (imported / "again/scan.mha").read_bytes() == (imported / "patient/scan.mha").read_bytes()
+    assert abs(blur_of(imported / "again") - 0.6) < 0.12
+    assert "body = \"ct\"" in (imported / "again/again.toml").read_text()
     done = run(imported / "patient/lumen.nii.gz", "--label", 7, "--out", imported / "other")
     assert done.returncode == 2 and "there are: 0, 1, 2" in done.stderr
 
@@ -296,3 +318,46 @@ def test_smoothing_keeps_the_volume_of_a_ball():
     assert abs(smooth.volume_mm3() / mesh.volume_mm3() - 1) < 0.001
     fewer = surface.decimate(smooth, 800)
     assert len(fewer.triangles) < 850 and abs(fewer.volume_mm3() / smooth.volume_mm3() - 1) < 0.005
+
+
+def test_body_of_a_vessel_from_elsewhere(tmp_path):
+    k, j, i = np.meshgrid(*(np.arange(-14, 15),) * 3, indexing="ij")
+    depths = 8 - np.sqrt(i * i + j * j + k * k)
+    ball = np.clip(0.5 + depths / 2, 0, 1).astype(np.float32)
+    mesh = surface.isosurface(ball, 0.5, np.eye(4))
+    noise = np.random.default_rng(2).normal(0, 20, ball.shape)
+
+    def found(lumen_hu, blur=0.8, shift_mm=0, tissue_hu=45):
+        inside = ndimage.gaussian_filter(np.clip(0.5 + depths, 0, 1), blur)
+        affine = np.eye(4)
+        affine[0, 3] = shift_mm
+        values = (tissue_hu + (lumen_hu - tissue_hu) * inside + noise).astype(np.int16)
+        read = scan.Scan(values, affine, [], "ct.nii.gz")
+        levels = body.levels_at(read, mesh)
+        return levels, body.write(tmp_path, read, mesh, levels)
+
+    for blur in (0.5, 0.8, 1.2):
+        levels, written = found(345, blur)
+        assert abs(levels.tissue - 45) < 10 and abs(levels.lumen - 345) < 10
+        given = float(re.search(r"^ct_blur_mm = (.*)$", written.text, re.M)[1])
+        # A voxel of the scan is a mean over its box, which blur_mm takes off.
+        assert abs(given - blur) < 0.1
+    # Without contrast agent no blur can be measured, so the scene keeps the default.
+    levels, written = found(50)
+    assert "body = \"ct\"" in written.text and "ct_blur_mm" not in written.text
+    assert any("it has no contrast agent there" in fact for fact in written.facts)
+    # Values of a magnetic resonance picture.
+    levels, written = found(900, tissue_hu=600)
+    assert written.text == "" and "no Hounsfield units" in written.facts[0]
+    # The scan ends 12.5 mm from one side of the ball of 16 mm: 78 % of its area. Then it has no part of it.
+    _, written = found(345, shift_mm=-10)
+    assert any(re.fullmatch(r"The scan has 7\d % of the vessel.", fact) for fact in written.facts)
+    with pytest.raises(torquer.Error, match=r"ct.nii.gz: has 0 % of the vessel, which reaches from \(6.0, 6.0, 6.0\) to"):
+        found(345, shift_mm=60)
+
+
+def test_options_of_the_body_are_refused(angiography, tmp_path):
+    scan.write_nifti(tmp_path / "scan.nii.gz", *angiography)
+    done = run(tmp_path / "scan.nii.gz", "--seed=0,0,30", "--body", tmp_path / "scan.nii.gz", "--out", tmp_path / "out")
+    assert done.returncode == 2 and "--body: is for a label map or a surface" in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -128,7 +128,7 @@ def test_a_volume_with_seeds_becomes_the_command(widget, slicer, tmp_path):
 def test_a_segment_becomes_a_label_map(widget, slicer, tmp_path):
     widget.command.text = fake_importer(tmp_path / "import", "kill -9 $$")
     widget.source.choose(1)
-    assert widget.segment.enabled and not widget.volume.enabled and not widget.model.enabled
+    assert widget.segment.enabled and not widget.seeds.enabled and not widget.model.enabled
     widget.segment.node, widget.segment.segment = Node("vtkMRMLSegmentationNode", "S"), "Segment_1"
     widget.import_button.click()
     finish(widget)
@@ -145,6 +145,22 @@ def test_a_segment_becomes_a_label_map(widget, slicer, tmp_path):
     widget.import_button.click()
     assert "S is moved by a transform; harden it" in slicer.util.shown_errors[-1]
     assert slicer.mrmlScene.nodes == [] and not (tmp_path / "my_patient.input").exists()
+
+
+@pytest.mark.parametrize("kind", [1, 2])
+def test_a_volume_beside_a_segment_or_a_model_is_the_body(widget, slicer, tmp_path, kind):
+    widget.command.text = fake_importer(tmp_path / "import", "exit 2")
+    widget.source.choose(kind)
+    assert widget.volume.enabled
+    widget.volume.node = Node("vtkMRMLScalarVolumeNode", "CT")
+    widget.segment.node, widget.segment.segment = Node("vtkMRMLSegmentationNode", "S"), "Segment_1"
+    widget.model.node = tube()
+    widget.import_button.click()
+    body = str(tmp_path / "my_patient.input/scan.nrrd")
+    assert slicer.util.exported[-1] == (widget.volume.node, body)
+    finish(widget)
+    words = seen(tmp_path / "import")
+    assert words[words.index("--body") + 1] == body
 
 
 def test_cancel_stops_the_command(widget, slicer, tmp_path):

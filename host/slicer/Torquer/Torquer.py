@@ -173,7 +173,9 @@ class TorquerWidget(ScriptedLoadableModuleWidget):
         self.source = qt.QComboBox()
         self.source.addItems(list(SOURCES))
         self.source.connect("currentIndexChanged(int)", self.on_source)
-        self.volume = self._selector("vtkMRMLScalarVolumeNode", "The CT angiography")
+        self.volume = self._selector(
+            "vtkMRMLScalarVolumeNode", "The CT angiography; for a segment or a model, the CT that X-ray pictures show (may be none)"
+        )
         self.seeds = self._selector(_FIDUCIALS, "One or more points in the middle of wide arteries")
         self.segment = slicer.qMRMLSegmentSelectorWidget()
         self.segment.setMRMLScene(slicer.mrmlScene)
@@ -226,7 +228,7 @@ class TorquerWidget(ScriptedLoadableModuleWidget):
     def on_source(self, *_: Any) -> None:
         """Enables the fields of the chosen kind of input."""
         kind = self.source.currentIndex
-        for k, fields in enumerate(((self.volume, self.seeds), (self.segment,), (self.model, self.use_curves))):
+        for k, fields in enumerate(((self.seeds,), (self.segment,), (self.model, self.use_curves))):
             for field in fields:
                 field.setEnabled(k == kind)
 
@@ -254,6 +256,9 @@ class TorquerWidget(ScriptedLoadableModuleWidget):
             if curves:
                 case.write_curves(curves, self.logic.visible_curves_ras())
             self.logic.export(node, words[0])
+        if kind > 0 and self.volume.currentNode():
+            words += case.body_words(os.path.join(inputs, "scan.nrrd"))
+            self.logic.export(self.volume.currentNode(), words[-1])
         return words
 
     @staticmethod

@@ -43,7 +43,7 @@ def _from_scan(
     """Surface of the lumen in a scan or a label map, the keys of the body, and sentences about the steps."""
     seeds = np.array([_point("--seed", text) for text in arguments.seed]).reshape(-1, 3)
     progress.step("Reading the scan")
-    read = scan.read(arguments.scan, arguments.series)
+    read = scan.read(arguments.scan, None if arguments.body else arguments.series)
     facts: List[str] = list(read.facts)
     levels: Optional[lumen.Levels] = None
     if arguments.label is not None:
@@ -55,9 +55,10 @@ def _from_scan(
         progress.step("Lumen")
         picture = lumen.smoothed(read)
         label = lumen.segment(read, picture, levels, seeds)
-        scan.write_nifti(folder / "lumen.nii.gz", label, read.affine)
         progress.step("Surface")
         values, first = lumen.wall_picture(read, picture, label, levels)
+        lumen.trim(label, values, first)
+        scan.write_nifti(folder / "lumen.nii.gz", label, read.affine)
         mesh = surface.isosurface(values, 0.5, read.affine, first)
         del picture, label, values
     before = mesh.volume_mm3()
@@ -95,6 +96,13 @@ def _from_surface(
     return mesh, curves, facts
 
 
+def _given_body(folder: pathlib.Path, arguments: argparse.Namespace, mesh: surface.Mesh) -> body.Body:
+    """The scan of --body as the body, for a vessel that was not made from it here."""
+    read = scan.read(arguments.body, arguments.series)
+    found = body.write(folder, read, mesh, body.levels_at(read, mesh))
+    return body.Body(found.text, [*read.facts, *found.facts])
+
+
 def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: _command.Progress) -> str:
     """Makes all files in a folder; returns a description."""
     root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
@@ -106,6 +114,11 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
     else:
         mesh, shown, facts = _from_scan(folder, arguments, progress)
     surface.write_stl(folder / "surface.stl", mesh)
+    if arguments.body is not None:
+        progress.step("Body")
+        given = _given_body(folder, arguments, mesh)
+        shown = given.text
+        facts += given.facts
     if curves is None:
         progress.step("Centerlines")
         curves = centerlines.find(mesh, root)
@@ -130,9 +143,10 @@ def _check_options(arguments: argparse.Namespace) -> None:
     given = {
         "--seed": bool(arguments.seed), "--label": arguments.label is not None, "--series": arguments.series is not None,
         "--mesh-unit": arguments.mesh_unit is not None, "--space": arguments.space is not None,
-        "--centerlines": arguments.centerlines is not None,
+        "--centerlines": arguments.centerlines is not None, "--body": arguments.body is not None,
     }
-    others = list(given)[:3] if is_surface else list(given)[3:]
+    scans = ["--seed", "--label"] if given["--body"] else ["--seed", "--label", "--series"]
+    others = scans if is_surface else ["--mesh-unit", "--space", "--centerlines"]
     wrong = [option for option in others if given[option]]
     if wrong:
         kind, other = ("a surface", "a scan") if is_surface else ("no surface", "a surface")
@@ -141,6 +155,8 @@ def _check_options(arguments: argparse.Namespace) -> None:
         raise Error("give --mesh-unit: a surface does not state its unit; mm for most segmentations, m or cm for some models")
     if not is_surface and given["--seed"] == given["--label"]:
         raise Error("give --seed for a CT angiography, or --label for a label map, and not both")
+    if given["--seed"] and given["--body"]:
+        raise Error("--body: is for a label map or a surface; a CT angiography is the body itself; leave it out")
 
 
 def import_case(arguments: argparse.Namespace) -> str:
@@ -186,7 +202,11 @@ def arguments_of(words: Optional[List[str]] = None) -> argparse.Namespace:
         help="place in the lumen: left, posterior, superior in mm; write --seed=-12,30,1480; may be given several times",
     )
     parser.add_argument("--label", metavar="N", type=int, help="SCAN is a label map, and N the value of the lumen in it")
-    parser.add_argument("--series", metavar="N", type=int, help="number of the series in a folder with several")
+    parser.add_argument(
+        "--body", metavar="SCAN",
+        help="for a label map or a surface: the CT in which it was segmented, for X-ray pictures; a folder of DICOM files or an image",
+    )
+    parser.add_argument("--series", metavar="N", type=int, help="number of the series in a folder with several, of --body if given")
     parser.add_argument("--mesh-unit", metavar="UNIT", choices=UNITS, help="SCAN is a surface in this unit: mm, m, cm, um or in")
     parser.add_argument("--space", choices=_given.SPACES, help="coordinate system of a surface that does not name it (default: LPS)")
     parser.add_argument(

@@ -108,6 +108,11 @@ def surface_words(surface: str, curves: Optional[str] = None, root_ras: Points =
     return [surface, "--mesh-unit", "mm", *given, *_places(root_ras, entry_ras)]
 
 
+def body_words(scan: str) -> List[str]:
+    """Further words for the CT that X-ray pictures of a label map or a surface show."""
+    return ["--body", scan]
+
+
 def curve_text(points_ras: Points) -> str:
     """A file .mrk.json with a curve, in LPS and mm."""
     points = [{"id": str(k), "position": point, "positionStatus": "defined"} for k, point in enumerate(turned(points_ras), 1)]
