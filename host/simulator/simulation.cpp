@@ -240,8 +240,17 @@ TickReport Simulation::RelaxToTarget(WorkBudget& budget) {
     RestOfBudget rest(budget, sum.work);
     AddPart(relaxation_->Tick(part, rest, state_), sum);
     limit_->Look(state_);
-    if (!is_left || sum.budget_spent || state_.poses() == before) return sum;
+    if (!is_left || sum.budget_spent || state_.poses() == before) break;
   }
+  // The last part had a nearer goal.
+  sum.carried = MotionLeft(goal(), state_.poses());
+  return sum;
+}
+
+InstrumentPoses Simulation::goal() const {
+  InstrumentPoses goal = scene_.stack().Bounded(target_);
+  if (limit_ != nullptr) limit_->Hold(goal);
+  return goal;
 }
 
 template <class Act>

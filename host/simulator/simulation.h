@@ -124,6 +124,9 @@ class Simulation {
   EffectPrices* prices() const { return prices_; }
   /// Absolute targets, past the entry point.
   const InstrumentPoses& target() const { return target_; }
+  /// Places that the instruments go to: the targets within the instruments' lengths. An instrument
+  /// that has left the model goes no farther than where it is held.
+  InstrumentPoses goal() const;
 
   /// Fills all fields of a message that the simulation knows. Clock times and fields about commands
   /// stay unchanged.

@@ -125,6 +125,31 @@ TEST_CASE("A copy of a held wire is held, and a budget that ends within a tick i
   CHECK(HasLeft(twin) == HasLeft(simulation));
 }
 
+TEST_CASE("Motion that a spent budget leaves is carried, beside an outlet as elsewhere",
+          "[outlets]") {
+  scene::Scene scene(OutletScene("[effects.outlets]\n"));
+  Simulation simulation(scene);
+  const int units = GENERATE(3, 7, 30);
+  int behind = 0;
+  for (int k = 0; k < 400 && !HasLeft(simulation); ++k) {
+    CountedBudget budget(units);
+    // The goal is inside the lumen at first, and then beyond its end.
+    const double goal_mm = k < 5 ? 40 : 100;
+    const TickReport& report = simulation.Tick(OutletCommand(goal_mm), budget);
+    if (HasLeft(simulation)) break;
+    const double reached_mm = simulation.state().insertion_mm();
+    CHECK(report.carried[0].insertion_mm == Approx(goal_mm - reached_mm).margin(1e-9));
+    CHECK(report.arrived() == (reached_mm == goal_mm));
+    behind += reached_mm < goal_mm;
+  }
+  CHECK(behind > 5);
+  // A held wire has no motion left.
+  REQUIRE(HasLeft(simulation));
+  PushTo(simulation, 100);
+  CHECK(simulation.report().carried[0].insertion_mm == 0);
+  CHECK(simulation.at_rest());
+}
+
 TEST_CASE("Outlets are open ends, flat ends, or free ends of centerlines", "[outlets]") {
   // A phantom without a surface: the stem's start, and the ends of three branches.
   const scene::Scene scene(scene::ParseScene(

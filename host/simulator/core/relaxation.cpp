@@ -43,7 +43,9 @@ bool Snapped(const Tips& before_mm, const InstrumentPoses& before, const WireSta
   return false;
 }
 
-InstrumentPoses Left(const InstrumentPoses& goal, const InstrumentPoses& here) {
+}  // namespace
+
+InstrumentPoses MotionLeft(const InstrumentPoses& goal, const InstrumentPoses& here) {
   InstrumentPoses left(goal.size());
   for (int k = 0; k < goal.size(); ++k) {
     left[k] = {goal[k].insertion_mm - here[k].insertion_mm,
@@ -51,8 +53,6 @@ InstrumentPoses Left(const InstrumentPoses& goal, const InstrumentPoses& here) {
   }
   return left;
 }
-
-}  // namespace
 
 double Relaxation::EnergyMJ(const WireState& state) const {
   double energy_mJ = Current().energy_mJ - Current().dissipated_mJ;
@@ -87,7 +87,7 @@ TickReport Relaxation::Tick(const InstrumentPoses& target, WorkBudget& budget, W
 
   report.converged = report.converged && at_rest;
   report.budget_spent = !settled;
-  report.carried = Left(goal, state.poses());
+  report.carried = MotionLeft(goal, state.poses());
   report.snapped = Snapped(tips_before_mm, poses_before, state);
   return report;
 }

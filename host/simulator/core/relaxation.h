@@ -54,7 +54,7 @@ struct TickReport {
   bool stalled = false;  ///< ended out of equilibrium: no step that was tried came closer to it
   bool snapped = false;  ///< the tip of a curve moved much farther than the hands
   /// Remaining motion of each instrument, positive if the hand is ahead. Insertion targets are
-  /// limited to 0 .. the instrument's length.
+  /// limited to 0 .. the instrument's length, and to an outlet where the instrument is held.
   InstrumentPoses carried;
   double energy_mJ = 0;      ///< Relaxation::EnergyMJ: bending, wall and effects
   double dissipated_mJ = 0;  ///< of terms with EnergyTerm::Dissipates
@@ -66,6 +66,9 @@ struct TickReport {
   /// True if no instrument has motion left.
   bool arrived() const { return carried == InstrumentPoses(carried.size()); }
 };
+
+/// Motion from one place of the instruments to another. Both have the same number.
+InstrumentPoses MotionLeft(const InstrumentPoses& goal, const InstrumentPoses& here);
 
 /// Record of one attempt of a method to improve the wire, for tuning. See Relaxation::Record.
 struct AttemptRecord {

@@ -190,7 +190,10 @@ class Observer {
 class MotionLimit {
  public:
   virtual ~MotionLimit() = default;
-  /// Limits the targets of the next part of a tick. Returns true if motion is left after it.
+  /// Replaces the targets of instruments that are held by the places where they are held.
+  virtual void Hold(InstrumentPoses& target) const = 0;
+  /// Limits the targets of the next part of a tick, also as Hold does. Returns true if motion is
+  /// left after it.
   virtual bool Limit(const WireState& state, InstrumentPoses& target) const = 0;
   /// Reads the state after a part.
   virtual void Look(const WireState& state) = 0;

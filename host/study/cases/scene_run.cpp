@@ -159,7 +159,7 @@ class SceneRun {
              report.residual, ", penetration ", report.max_penetration_mm);
     }
     const WireState& state = session_.state();
-    const InstrumentPoses goal = scene_.stack().Bounded(command_.target);
+    const InstrumentPoses goal = session_.goal();
     for (int c = 0; c < state.curves(); ++c) {
       // A curve reaches as far as the farthest of its instruments.
       const auto [first, last] = scene_.stack().OnCurve(c);

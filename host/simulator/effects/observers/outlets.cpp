@@ -83,12 +83,18 @@ double Outlets::NearestMm(int instrument, const WireState& state) const {
   return nearest_mm - model.radius_mm(0);
 }
 
-bool Outlets::Limit(const WireState& state, InstrumentPoses& target) const {
-  const InstrumentPoses& now = state.poses();
-  double share = 1;
+void Outlets::Hold(InstrumentPoses& target) const {
   for (int k = 0; k < target.size(); ++k) {
     const auto& held_mm = held_mm_[static_cast<std::size_t>(k)];
     if (held_mm) target[k].insertion_mm = std::min(target[k].insertion_mm, *held_mm);
+  }
+}
+
+bool Outlets::Limit(const WireState& state, InstrumentPoses& target) const {
+  const InstrumentPoses& now = state.poses();
+  Hold(target);
+  double share = 1;
+  for (int k = 0; k < target.size(); ++k) {
     const double feed_mm = target[k].insertion_mm - now[k].insertion_mm;
     if (feed_mm <= kLeastPartMm) continue;
     const double free_mm = std::max(kLeastPartMm, NearestMm(k, state) - distance_mm_);

@@ -30,6 +30,7 @@ class Outlets final : public Effect, public Observer, public MotionLimit {
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
 
+  void Hold(InstrumentPoses& target) const override;
   bool Limit(const WireState& state, InstrumentPoses& target) const override;
   void Look(const WireState& state) override;
   bool left_model() const override;
