@@ -11,6 +11,7 @@ inline constexpr char kDeviceSampleChannel[] = "TORQUER_DEVICE_SAMPLE";
 inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND";
 inline constexpr char kImagingCommandChannel[] = "TORQUER_IMAGING_COMMAND";
 inline constexpr char kWedgeCommandChannel[] = "TORQUER_WEDGE_COMMAND";
+inline constexpr char kInjectorCommandChannel[] = "TORQUER_INJECTOR_COMMAND";
 inline constexpr char kTableCommandChannel[] = "TORQUER_TABLE_COMMAND";
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
@@ -24,11 +25,14 @@ inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
 inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
 /// All of them.
-inline constexpr const char* kChannels[] = {
-    kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel,      kSceneChannel,
-    kReadingsChannel,     kWireForcesChannel,        kPictureChannel,        kHealthChannel,
-    kHandMotionChannel,   kEmulatorTruthChannel,     kImagingCommandChannel, kLateralPictureChannel,
-    kTableCommandChannel, kVitalSignsChannel,        kWedgeCommandChannel};
+inline constexpr const char* kChannels[] = {kDeviceSampleChannel,   kInstrumentCommandChannel,
+                                            kWireStateChannel,      kSceneChannel,
+                                            kReadingsChannel,       kWireForcesChannel,
+                                            kPictureChannel,        kHealthChannel,
+                                            kHandMotionChannel,     kEmulatorTruthChannel,
+                                            kImagingCommandChannel, kLateralPictureChannel,
+                                            kTableCommandChannel,   kVitalSignsChannel,
+                                            kWedgeCommandChannel,   kInjectorCommandChannel};
 
 /// Version of the message types: any change of a type needs a new version (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 3;
@@ -61,6 +65,13 @@ enum ImagingMode : std::int32_t {
   kImagingPlain = 1,        ///< as the detector sees it
   kImagingSubtraction = 2,  ///< minus the first picture since the pedal went down
   kImagingRoadmap = 3,      ///< subtraction, with the densest dye so far as a bright map
+};
+
+/// injector_command_t::order.
+enum InjectorOrder : std::int32_t {
+  kInjectorOff = 0,     ///< disarmed; stops an injection
+  kInjectorArm = 1,     ///< armed for one injection, if the order before was another one
+  kInjectorInject = 2,  ///< starts that injection, which continues while this order stands
 };
 
 /// Bits of vital_signs_t::alarms.

@@ -63,7 +63,12 @@ std::vector<double> ControlsOf(const Command& row) {
           imaging.wedge_right.rotation_deg,
           row.table.left_mm,
           row.table.head_mm,
-          row.table.height_mm};
+          row.table.height_mm,
+          static_cast<double>(row.injector.order),
+          row.injector.volume_mL,
+          row.injector.rate_mL_s,
+          row.injector.delay_s,
+          row.injector.rise_s};
 }
 
 void TakeControls(Reader& reader, Command& row) {
@@ -78,6 +83,14 @@ void TakeControls(Reader& reader, Command& row) {
         &imaging.bottom, &imaging.wedge_left.share, &imaging.wedge_left.rotation_deg,
         &imaging.wedge_right.share, &imaging.wedge_right.rotation_deg, &row.table.left_mm,
         &row.table.head_mm, &row.table.height_mm}) {
+    *value = reader.Take<double>();
+  }
+  Injector& injector = row.injector;
+  const auto order = reader.Take<double>();
+  if (!(order >= 0 && order <= static_cast<double>(Injector::Order::kInject))) Reader::Refuse();
+  injector.order = static_cast<Injector::Order>(static_cast<int>(order));
+  for (double* const value :
+       {&injector.volume_mL, &injector.rate_mL_s, &injector.delay_s, &injector.rise_s}) {
     *value = reader.Take<double>();
   }
 }

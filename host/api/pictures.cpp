@@ -56,6 +56,11 @@ void CheckImaging(const Imaging& imaging) {
       imaging.wedge_right.rotation_deg));
 }
 
+void CheckInjector(const Injector& injector) {
+  const std::string invalid = simulator::InvalidValue(ToEffects(injector));
+  if (!invalid.empty()) throw Error("injector has " + invalid);
+}
+
 std::vector<PicturePlace> Simulation::PlacesInPicture(const std::vector<Point>& points_mm,
                                                       int plane) const {
   const auto hold = impl().usage.Look();

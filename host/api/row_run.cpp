@@ -48,6 +48,25 @@ Imaging FromEffects(const effects::Imaging& imaging) {
           .wedge_right = {imaging.wedges[1].share, imaging.wedges[1].rotation_deg}};
 }
 
+effects::Injector ToEffects(const Injector& injector) {
+  using Order = effects::Injector::Order;
+  static_assert(static_cast<int>(Order::kArm) == static_cast<int>(Injector::Order::kArm));
+  static_assert(static_cast<int>(Order::kInject) == static_cast<int>(Injector::Order::kInject));
+  return {.order = static_cast<Order>(injector.order),
+          .volume_mL = injector.volume_mL,
+          .rate_mL_s = injector.rate_mL_s,
+          .delay_s = injector.delay_s,
+          .rise_s = injector.rise_s};
+}
+
+Injector FromEffects(const effects::Injector& injector) {
+  return {.order = static_cast<Injector::Order>(injector.order),
+          .volume_mL = injector.volume_mL,
+          .rate_mL_s = injector.rate_mL_s,
+          .delay_s = injector.delay_s,
+          .rise_s = injector.rise_s};
+}
+
 effects::Table ToEffects(const Table& table) {
   return {.left_mm = table.left_mm, .head_mm = table.head_mm, .height_mm = table.height_mm};
 }
@@ -62,7 +81,8 @@ effects::Controls ToControls(const Command& row) {
           .xray = row.xray,
           .contrast = row.contrast,
           .imaging = ToEffects(row.imaging),
-          .table = ToEffects(row.table)};
+          .table = ToEffects(row.table),
+          .injector = ToEffects(row.injector)};
 }
 
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {

@@ -16,7 +16,9 @@ std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene);
 /// Converts settings of the X-ray system to the type that effects take, and back.
 effects::Imaging ToEffects(const Imaging& imaging);
 Imaging FromEffects(const effects::Imaging& imaging);
-/// The same for the table, and for the controls of a command.
+/// The same for the power injector, for the table, and for the controls of a command.
+effects::Injector ToEffects(const Injector& injector);
+Injector FromEffects(const effects::Injector& injector);
 effects::Table ToEffects(const Table& table);
 Table FromEffects(const effects::Table& table);
 effects::Controls ToControls(const Command& row);

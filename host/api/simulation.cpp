@@ -37,6 +37,7 @@ void Check(const Command& command, const Scene& scene) {
     throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
   }
   CheckImaging(command.imaging);
+  CheckInjector(command.injector);
   if (const Table& table = command.table; !simulator::IsValid(ToEffects(table))) {
     using Most = effects::Table;
     throw Error(fmt::format(

@@ -125,6 +125,47 @@ py::tuple PlaceOf(const torquer::Wedge& wedge) {
   return py::make_tuple(wedge.share, wedge.rotation_deg);
 }
 
+// Python's names of the orders to the power injector, in the order of the enumerators.
+constexpr const char* kOrders[] = {"off", "arm", "inject"};
+
+torquer::Injector::Order OrderOf(const std::string& name) {
+  const auto* const found = std::find(std::begin(kOrders), std::end(kOrders), name);
+  if (found != std::end(kOrders)) {
+    return static_cast<torquer::Injector::Order>(found - std::begin(kOrders));
+  }
+  throw torquer::Error("order is '" + name + "'; give off, arm or inject");
+}
+
+void AddInjector(py::module_& module) {
+  using torquer::Injector;
+  const Injector as_scene;
+  py::class_<Injector>(module, "Injector", "Order to the power injector, and its set-up.")
+      .def(py::init([](const std::string& order, double volume_mL, double rate_mL_s, double delay_s,
+                       double rise_s) {
+             const Injector made{OrderOf(order), volume_mL, rate_mL_s, delay_s, rise_s};
+             torquer::CheckInjector(made);
+             return made;
+           }),
+           py::arg("order") = kOrders[0], py::kw_only(), py::arg("volume_mL") = as_scene.volume_mL,
+           py::arg("rate_mL_s") = as_scene.rate_mL_s, py::arg("delay_s") = as_scene.delay_s,
+           py::arg("rise_s") = as_scene.rise_s,
+           "order: off; arm, for one injection; inject, which starts it. Another order stops it. "
+           "Arm it again for the next one. volume_mL: 0.1 to 150. rate_mL_s: 0.1 to 45. delay_s: "
+           "from the order to the first agent, 0 to 99.9. rise_s: time in which the rate rises "
+           "from 0, 0 to 9.9. -1: value of the scene.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(self, "Injector",
+                              {"order", "volume_mL", "rate_mL_s", "delay_s", "rise_s"});
+           })
+      .def_property_readonly(
+          "order", [](const Injector& self) { return kOrders[static_cast<int>(self.order)]; })
+      .def_readonly("volume_mL", &Injector::volume_mL)
+      .def_readonly("rate_mL_s", &Injector::rate_mL_s)
+      .def_readonly("delay_s", &Injector::delay_s)
+      .def_readonly("rise_s", &Injector::rise_s);
+}
+
 // Only False ends a step; a call without a result continues it.
 std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& call) {
   if (call.is_none()) return EndsAtInterruption();
@@ -261,7 +302,8 @@ void AddSimulation(py::module_& module) {
           "step",
           [](Simulation& self, double time_s, const Rows& hands, double lao_deg, double cra_deg,
              bool xray, bool contrast, const Imaging& imaging,
-             const std::array<double, 3>& table_mm, const py::object& after_tick) {
+             const std::array<double, 3>& table_mm, const torquer::Injector& injector,
+             const py::object& after_tick) {
             const torquer::Command command{.time_s = time_s,
                                            .hands = ToHands(hands),
                                            .lao_deg = lao_deg,
@@ -269,7 +311,8 @@ void AddSimulation(py::module_& module) {
                                            .xray = xray,
                                            .contrast = contrast,
                                            .imaging = imaging,
-                                           .table = {table_mm[0], table_mm[1], table_mm[2]}};
+                                           .table = {table_mm[0], table_mm[1], table_mm[2]},
+                                           .injector = injector};
             const auto call = ToAfterTick(after_tick);
             const py::gil_scoped_release free;
             return self.Step(command, call);
@@ -277,7 +320,7 @@ void AddSimulation(py::module_& module) {
           py::arg("time_s"), py::arg("hands"), py::kw_only(), py::arg("lao_deg") = 0.0,
           py::arg("cra_deg") = 0.0, py::arg("xray") = false, py::arg("contrast") = false,
           py::arg("imaging") = Imaging(), py::arg("table_mm") = std::array<double, 3>{},
-          py::arg("after_tick") = py::none(),
+          py::arg("injector") = torquer::Injector(), py::arg("after_tick") = py::none(),
           "Advances the simulation to time_s, which must be later than the previous step. hands: "
           "positions at the end, shape (instruments, 2), insertion past the entry in mm and "
           "rotation in rad. The hands move at constant speed. table_mm: displacement of the table "
@@ -392,6 +435,7 @@ PYBIND11_MODULE(_torquer, module) {
   torquer::python::AddScene(module);
   torquer::python::AddSurface(module);
   torquer::python::AddSensitivity(module);
+  AddInjector(module);
   AddSimulation(module);
   py::tuple modes(std::size(kModes));
   for (std::size_t k = 0; k < std::size(kModes); ++k) modes[k] = kModes[k];

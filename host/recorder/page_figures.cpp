@@ -21,6 +21,16 @@ std::string TimeOfPeak(const Series& series) {
   return ", at " + SecondsText(std::max_element(points.begin(), points.end(), lower)->time_s);
 }
 
+std::string InjectionText(const PowerInjection& injection) {
+  std::string volume = ValueText(injection.delivered_mL) + " mL";
+  if (!injection.complete()) {
+    volume = (injection.aborted ? "aborted after " : "unfinished, ") + volume + " of " +
+             ValueText(injection.volume_mL) + " mL";
+  }
+  return fmt::format("{} at {} mL/s, from {}", volume, ValueText(injection.rate_mL_s),
+                     SecondsText(injection.start_s));
+}
+
 // Doubt about an instrument that is not good.
 std::string DoubtOf(const InstrumentReport& instrument) {
   if (instrument.reports_lost < 0) {
@@ -230,6 +240,10 @@ std::vector<PageRow> PageFigures::Radiation() const {
                   (" the patient's limit of " + ValueText(*limit_mL)) + " mL";
     }
     rows.push_back({"Contrast agent", std::move(injected)});
+    int number = 0;
+    for (const PowerInjection& injection : report_.course.injections()) {
+      rows.push_back({fmt::format("Power injection {}", ++number), InjectionText(injection)});
+    }
     rows.push_back({"Time of injection", SecondsText(report_.course.contrast().total_s())});
   } else {
     rows.push_back({"Contrast agent", "none in this scene"});

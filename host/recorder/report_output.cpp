@@ -170,6 +170,19 @@ nlohmann::ordered_json PhasesJson(const SessionSummary& summary) {
           {"after_target_s", OrNull(summary.after_target_s)}};
 }
 
+nlohmann::ordered_json InjectionsJson(const SessionCourse& course) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const PowerInjection& injection : course.injections()) {
+    all.push_back({{"start_s", injection.start_s},
+                   {"volume_mL", injection.volume_mL},
+                   {"rate_mL_s", injection.rate_mL_s},
+                   {"delivered_mL", injection.delivered_mL},
+                   {"complete", injection.complete()},
+                   {"aborted", injection.aborted}});
+  }
+  return all;
+}
+
 // Adds all figures of a single wire, but only the decisive ones for each of several instruments.
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
   const std::string apart = CountsText(report.axial.error_counts);
@@ -288,6 +301,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"log_ended", report.ended},
                                        {"log_damage", report.damage.Describe()},
                                        {"readings", ReadingsJson(report.readings)},
+                                       {"injections", InjectionsJson(report.course)},
                                        {"phases", PhasesJson(summary)},
                                        {"blind_s", OrNull(summary.blind_s)},
                                        {"blind_mm", OrNull(summary.blind_mm)},

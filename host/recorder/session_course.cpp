@@ -163,7 +163,24 @@ void SessionCourse::CountTick(const torquer_lcm::wire_state_t& state) {
   }
 }
 
+// The readings describe the newest injection, until the next one begins.
+void SessionCourse::AddInjection(const torquer_lcm::readings_t& readings) {
+  const std::optional<double> start_s = FindReading(readings, "injection_start_s");
+  if (!start_s || *start_s < 0) return;
+  if (injections_.empty() || *start_s > injections_.back().start_s) {
+    if (injections_.size() == kMostInjections) return;
+    injections_.emplace_back().start_s = *start_s;
+  }
+  PowerInjection& newest = injections_.back();
+  if (*start_s != newest.start_s) return;
+  newest.volume_mL = FindReading(readings, "injection_set_mL").value_or(0);
+  newest.rate_mL_s = FindReading(readings, "injection_rate_mL_s").value_or(0);
+  newest.delivered_mL = FindReading(readings, "injection_mL").value_or(0);
+  newest.aborted = FindReading(readings, "injection_aborted").value_or(0) == 1;
+}
+
 void SessionCourse::Add(const torquer_lcm::readings_t& readings) {
+  AddInjection(readings);
   const std::optional<double> now = FindReading(readings, "wall_force_largest_mN");
   // A peak between two messages shows in the largest force so far.
   const double ever_mN =

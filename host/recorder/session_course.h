@@ -35,6 +35,16 @@ struct BlindMotion {
   double time_s = 0;   ///< time in which an instrument was pushed, pulled or turned
 };
 
+/// An injection by the power injector.
+struct PowerInjection {
+  double start_s = 0;    ///< of the order, simulated
+  double volume_mL = 0;  ///< of the set-up
+  double rate_mL_s = 0;  ///< of the set-up
+  double delivered_mL = 0;
+  bool aborted = false;
+  bool complete() const { return !aborted && delivered_mL >= volume_mL; }
+};
+
 /// Solver outcomes, counted over the ticks of the log.
 struct SolverHealth {
   std::int64_t ticks = 0;
@@ -57,6 +67,8 @@ class SessionCourse {
   /// Smaller motion of the tip counts as tremor or sensor steps, as in the assessment.
   static constexpr double kPathStepMm = 0.5;
   static constexpr double kReversalMm = 1;
+  /// Later injections by the power injector are not listed; their volume still counts.
+  static constexpr std::size_t kMostInjections = 100;
   /// The session's first motion: an instrument has moved farther than this since the start.
   static constexpr double kFirstMotionMm = 0.5;
   static constexpr double kFirstTurnRad = 0.1;
@@ -78,6 +90,8 @@ class SessionCourse {
   const std::vector<InstrumentCourse>& instruments() const { return instruments_; }
   const Spans& xray() const { return xray_; }          ///< pedal down
   const Spans& contrast() const { return contrast_; }  ///< pedal down
+  /// By the power injector, the first one first.
+  const std::vector<PowerInjection>& injections() const { return injections_; }
   const BlindMotion& blind() const { return blind_; }
   /// Time at which an instrument first moved; nullopt if none did.
   const std::optional<double>& first_motion_s() const { return first_motion_s_; }
@@ -123,6 +137,7 @@ class SessionCourse {
   void KeepWay(const Eigen::Vector3d& tip_mm);
   void CountReversals(std::size_t instrument, double insertion_mm);
   void CountTick(const torquer_lcm::wire_state_t& state);
+  void AddInjection(const torquer_lcm::readings_t& readings);
   void ReleaseSilentPedals(double now_s);
 
   std::optional<Tick> last_;
@@ -135,6 +150,7 @@ class SessionCourse {
   std::optional<double> first_motion_s_;
   Spans xray_;
   Spans contrast_;
+  std::vector<PowerInjection> injections_;
   std::optional<double> command_s_;  // time of the newest command
   Series wall_force_mN_;
   Series unsettled_force_mN_;

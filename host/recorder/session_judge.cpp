@@ -158,6 +158,7 @@ Command ToRow(const simulator::Command& live, double time_s) {
   }
   row.imaging = FromEffects(live.controls.imaging);
   row.table = FromEffects(live.controls.table);
+  row.injector = FromEffects(live.controls.injector);
   return row;
 }
 
@@ -182,6 +183,7 @@ class Repetition {
     handlers.imaging = [this](const torquer_lcm::imaging_command_t& message) { Take(message); };
     handlers.wedges = [this](const torquer_lcm::wedge_command_t& message) { Take(message); };
     handlers.table = [this](const torquer_lcm::table_command_t& message) { Take(message); };
+    handlers.injector = [this](const torquer_lcm::injector_command_t& message) { Take(message); };
     ReadSessionLog(path, handlers);
     RunTo(std::max(row_ + 1, frame_.end_us() / kJudgeRowUs));
     return {.not_gradable = "", .readings = feed_.readings(), .course = feed_.course()};

@@ -50,6 +50,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   Register(by_channel, protocol::kImagingCommandChannel, handlers.imaging);
   Register(by_channel, protocol::kWedgeCommandChannel, handlers.wedges);
   Register(by_channel, protocol::kTableCommandChannel, handlers.table);
+  Register(by_channel, protocol::kInjectorCommandChannel, handlers.injector);
   Register(by_channel, protocol::kWireStateChannel, handlers.state);
   Register(by_channel, protocol::kSceneChannel, handlers.scene);
   Register(by_channel, protocol::kReadingsChannel, handlers.readings);

@@ -11,6 +11,7 @@
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/imaging_command_t.hpp"
+#include "torquer_lcm/injector_command_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
@@ -27,6 +28,7 @@ struct SessionHandlers {
   std::function<void(const torquer_lcm::imaging_command_t&)> imaging;
   std::function<void(const torquer_lcm::wedge_command_t&)> wedges;
   std::function<void(const torquer_lcm::table_command_t&)> table;
+  std::function<void(const torquer_lcm::injector_command_t&)> injector;
   std::function<void(const torquer_lcm::wire_state_t&)> state;
   std::function<void(const torquer_lcm::scene_description_t&)> scene;
   std::function<void(const torquer_lcm::readings_t&)> readings;

@@ -69,7 +69,8 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   const InstrumentPose pose{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
   const effects::Controls controls{message.lao_rad,           message.cra_rad,
                                    message.xray != 0,         message.contrast != 0,
-                                   command_.controls.imaging, command_.controls.table};
+                                   command_.controls.imaging, command_.controls.table,
+                                   command_.controls.injector};
   const std::string invalid = InvalidValues(message, pose, controls);
   source.sequence = message.sequence;
   source.refused = !invalid.empty();
@@ -180,6 +181,30 @@ void LiveCommands::Take(const torquer_lcm::table_command_t& message, const bus::
   Set(table_, sender, now_us, wanted, command_.controls.table);
 }
 
+void LiveCommands::Take(const torquer_lcm::injector_command_t& message, const bus::Sender& sender,
+                        std::int64_t now_us) {
+  if (!Accepts(injector_, "power injector", message.sequence, sender, now_us)) return;
+  injector_.sequence = message.sequence;
+  using effects::Injector;
+  const bool known =
+      message.order >= protocol::kInjectorOff && message.order <= protocol::kInjectorInject;
+  const Injector wanted{known ? static_cast<Injector::Order>(message.order) : Injector::Order::kOff,
+                        message.volume_mL, message.rate_mL_s, message.delay_s, message.rise_s};
+  const std::string invalid = known ? InvalidValue(wanted)
+                                    : fmt::format("order {}; give {} to {}", message.order,
+                                                  static_cast<int>(protocol::kInjectorOff),
+                                                  static_cast<int>(protocol::kInjectorInject));
+  if (!invalid.empty()) {
+    Refuse(injector_, kValue, now_us,
+           fmt::format("a command for the power injector from {} is refused, and the previous one "
+                       "remains valid: {}",
+                       bus::Describe(sender), invalid));
+    return;
+  }
+  injector_.silent = false;
+  Set(injector_, sender, now_us, wanted, command_.controls.injector);
+}
+
 // True if the sender may command and the sequence number is in order; else reports the refusal.
 bool LiveCommands::Accepts(Source& source, const std::string& what, std::int64_t sequence,
                            const bus::Sender& sender, std::int64_t now_us) {
@@ -202,6 +227,7 @@ bool LiveCommands::Accepts(Source& source, const std::string& what, std::int64_t
 }
 
 void LiveCommands::Age(std::int64_t now_us) {
+  StopInjector(now_us);
   for (std::size_t k = 0; k < sources_.size(); ++k) {
     Source& source = sources_[k];
     if (!source.owner || source.silent || now_us - source.heard_us < kSilentUs) continue;
@@ -214,6 +240,20 @@ void LiveCommands::Age(std::int64_t now_us) {
                     simulation_.scene().instruments()[k].name, bus::Describe(*source.owner),
                     k == 0 ? ", and the pedals are up" : ""));
   }
+}
+
+// A silent sender cannot stop an injection.
+void LiveCommands::StopInjector(std::int64_t now_us) {
+  Source& source = injector_;
+  if (!source.owner || source.silent || now_us - source.heard_us < kSilentUs) return;
+  source.silent = true;
+  effects::Injector& injector = command_.controls.injector;
+  if (injector.order == effects::Injector::Order::kOff) return;
+  injector.order = effects::Injector::Order::kOff;
+  fresh_ = true;
+  sent_us_ = 0;
+  Say(fmt::format("commands for the power injector from {} have stopped; it is off",
+                  bus::Describe(*source.owner)));
 }
 
 void LiveCommands::Combine() {

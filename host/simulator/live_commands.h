@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 #include <torquer_lcm/imaging_command_t.hpp>
+#include <torquer_lcm/injector_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/table_command_t.hpp>
 #include <torquer_lcm/wedge_command_t.hpp>
@@ -20,12 +21,14 @@ namespace torquer::simulator {
 
 /// Takes instrument commands; the newest one of each instrument is valid. The box of the innermost
 /// instrument sets C-arm, pedals and table. The newest settings of the X-ray system stay valid when
-/// their sender is silent. So does the newest position of the table.
+/// their sender is silent. So does the newest position of the table. The power injector is disarmed
+/// then, and stops.
 ///
-/// Each instrument, the X-ray system, its wedges and the table have one sender of commands.
-/// Ownership ends when no usable command of this sender has come for kOwnedUs. Until then commands
-/// of other senders and decreasing numbers are refused. Afterwards any sender and any number from 0
-/// on is accepted. The class has no clock: the caller passes the time by bus::MonotonicUs().
+/// Each instrument, the X-ray system, its wedges, the table and the power injector have one sender
+/// of commands. Ownership ends when no usable command of this sender has come for kOwnedUs. Until
+/// then commands of other senders and decreasing numbers are refused. Afterwards any sender and any
+/// number from 0 on is accepted. The class has no clock: the caller passes the time by
+/// bus::MonotonicUs().
 class LiveCommands {
  public:
   /// After this time without a command the instrument is held at its last target. Its pedals are
@@ -43,6 +46,8 @@ class LiveCommands {
   void Take(const torquer_lcm::wedge_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   void Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,
+            std::int64_t now_us);
+  void Take(const torquer_lcm::injector_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   /// Detects senders that have become silent. Call it several times in kSilentUs.
   void Age(std::int64_t now_us);
@@ -86,6 +91,7 @@ class LiveCommands {
   void Set(Source& source, const bus::Sender& sender, std::int64_t now_us, const Value& wanted,
            Value& current);
   void Refuse(Source& source, Refusal kind, std::int64_t now_us, const std::string& what);
+  void StopInjector(std::int64_t now_us);
   void SayUnknown(const std::string& instrument, const bus::Sender& sender, std::int64_t now_us);
   void Say(const std::string& what);
   void Combine();
@@ -98,6 +104,7 @@ class LiveCommands {
   Source imaging_;
   Source wedges_;
   Source table_;
+  Source injector_;
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;
   std::set<std::string> unknown_named_;  // instruments reported in this minute

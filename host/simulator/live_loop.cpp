@@ -71,6 +71,12 @@ class LiveLoop {
           commands_.Take(message, arrival.sender, arrival.received_us);
         },
         0);
+    bus.SubscribeWithArrival<torquer_lcm::injector_command_t>(
+        protocol::kInjectorCommandChannel,
+        [this](const torquer_lcm::injector_command_t& message, const bus::Arrival& arrival) {
+          commands_.Take(message, arrival.sender, arrival.received_us);
+        },
+        0);
     bus.SubscribeWithArrival<torquer_lcm::table_command_t>(
         protocol::kTableCommandChannel,
         [this](const torquer_lcm::table_command_t& message, const bus::Arrival& arrival) {

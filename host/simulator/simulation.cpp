@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "host/simulator/wire_status.h"
 #include "protocol/lcm_channels.h"
@@ -53,39 +51,6 @@ bool IsValid(const InstrumentPoses& target) {
 }
 
 }  // namespace
-
-// Each comparison is false for NaN.
-bool IsValid(const InstrumentPose& pose) {
-  return std::abs(pose.insertion_mm) <= kPoseLimit && std::abs(pose.rotation_rad) <= kPoseLimit;
-}
-
-bool IsValid(const effects::Imaging& imaging) {
-  using effects::Imaging;
-  // NaN fails each of these.
-  const auto shutter = [](double share) { return share >= 0 && share <= Imaging::kMostShutter; };
-  const auto wedge = [](const effects::Wedge& one) {
-    return one.share >= 0 && one.share <= effects::Wedge::kMostShare &&
-           std::abs(one.rotation_deg) <= effects::Wedge::kMostRotationDeg;
-  };
-  return imaging.mode <= Imaging::Mode::kRoadmap &&
-         (imaging.pulses_per_s == 0 || (imaging.pulses_per_s >= Imaging::kLeastPulses &&
-                                        imaging.pulses_per_s <= Imaging::kMostPulses)) &&
-         imaging.magnification >= 1 && imaging.magnification <= Imaging::kMostMagnification &&
-         shutter(imaging.left) && shutter(imaging.right) && shutter(imaging.top) &&
-         shutter(imaging.bottom) && wedge(imaging.wedges[0]) && wedge(imaging.wedges[1]);
-}
-
-bool IsValid(const effects::Table& table) {
-  using effects::Table;
-  return std::abs(table.left_mm) <= Table::kMostLeftMm &&
-         std::abs(table.head_mm) <= Table::kMostHeadMm &&
-         std::abs(table.height_mm) <= Table::kMostHeightMm;
-}
-
-bool IsValid(const effects::Controls& controls) {
-  return std::abs(controls.lao_rad) <= std::numbers::pi &&
-         std::abs(controls.cra_rad) <= std::numbers::pi;
-}
 
 Simulation::Simulation(scene::Scene& scene, EffectPrices* prices)
     : scene_(scene),
@@ -170,9 +135,10 @@ void Simulation::CopyFrom(const Simulation& twin) {
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
   const bool poses = IsValid(command.target);
-  // The settings of the X-ray system have no meaning in a scene that has none.
-  const bool controls =
-      IsValid(command.controls) && (images_.empty() || IsValid(command.controls.imaging));
+  // X-ray system and power injector have no meaning in a scene that has none.
+  const bool controls = IsValid(command.controls) &&
+                        (images_.empty() || IsValid(command.controls.imaging)) &&
+                        (evolutions_.empty() || InvalidValue(command.controls.injector).empty());
   if (poses) target_ = command.target;
   if (controls) controls_ = command.controls;
   if (!poses || !controls || command.refused) status_ |= protocol::kWireInputRefused;

@@ -374,6 +374,18 @@ std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes) {
   return choice;
 }
 
+std::optional<effects::Injector> ReadInjector(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() != kInjectorBytes ||
+      bytes[0] != static_cast<std::uint8_t>(FrameKind::kInjector) || bytes[1] != kFrameVersion) {
+    return {};
+  }
+  const effects::Injector injector{static_cast<effects::Injector::Order>(bytes[2]),
+                                   ReadAt<double>(bytes, 8), ReadAt<double>(bytes, 16),
+                                   ReadAt<double>(bytes, 24), ReadAt<double>(bytes, 32)};
+  if (!simulator::InvalidValue(injector).empty()) return {};
+  return injector;
+}
+
 std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes) {
   if (bytes.size() != kControlsBytes ||
       bytes[0] != static_cast<std::uint8_t>(FrameKind::kReplayControls) ||

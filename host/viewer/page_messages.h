@@ -31,7 +31,8 @@ enum class FrameKind : std::uint8_t {
   kReplayControls = 17,
   kImaging = 18,
   kCase = 19,
-  kTable = 20
+  kTable = 20,
+  kInjector = 21
 };
 
 /// Second byte of a binary message. A change of a layout needs a new version.
@@ -97,6 +98,7 @@ struct TableMotion {
 /// Sizes of the messages from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
 inline constexpr std::size_t kImagingBytes = 24;
+inline constexpr std::size_t kInjectorBytes = 40;
 
 /// Reads controls. Nullopt if the bytes do not have that layout, or a rate is not finite or exceeds
 /// its limit.
@@ -113,6 +115,9 @@ struct ImagingChoice {
 
 /// Reads a choice. Nullopt if the bytes do not have that layout or a value is beyond its limits.
 std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes);
+
+/// Reads an order to the power injector, as ReadImaging.
+std::optional<effects::Injector> ReadInjector(std::span<const std::uint8_t> bytes);
 
 /// Replay controls that the page requests.
 struct ReplayControls {

@@ -65,6 +65,9 @@ void Steering::Restart() {
   table_moved_ = false;
   imaging_ = {};
   chosen_ = wedges_moved_ = false;
+  injector_ = {};
+  injector_page_.reset();
+  ordered_ = false;
 }
 
 bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) {
@@ -90,6 +93,15 @@ bool Steering::Take(PageId page, const ImagingChoice& choice) {
   imaging_ = choice.imaging;
   wedges_moved_ = wedges_moved_ || imaging_.wedges != effects::Imaging().wedges;
   chosen_ = true;
+  return true;
+}
+
+bool Steering::Take(PageId page, const effects::Injector& injector) {
+  const bool stops = injector_page_ == page && injector.order == effects::Injector::Order::kOff;
+  if (page_ && *page_ != page && !stops) return false;
+  injector_ = injector;
+  injector_page_ = page;
+  ordered_ = true;
   return true;
 }
 
@@ -122,8 +134,24 @@ const torquer_lcm::wedge_command_t* Steering::WedgeCommand(std::int64_t now_us) 
   return &command;
 }
 
+const torquer_lcm::injector_command_t* Steering::InjectorCommand(std::int64_t now_us) {
+  if (!ordered_) return nullptr;
+  torquer_lcm::injector_command_t& command = injector_command_;
+  Stamp(command, clock_id_, now_us);
+  command.order = static_cast<std::int32_t>(injector_.order);
+  command.volume_mL = injector_.volume_mL;
+  command.rate_mL_s = injector_.rate_mL_s;
+  command.delay_s = injector_.delay_s;
+  command.rise_s = injector_.rise_s;
+  return &command;
+}
+
 void Steering::Leave(PageId page) {
   answered_.erase(page);
+  if (injector_page_ == page) {
+    injector_.order = effects::Injector::Order::kOff;
+    injector_page_.reset();
+  }
   if (page_ != page) return;
   page_.reset();
   controls_ = {};

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <torquer_lcm/imaging_command_t.hpp>
+#include <torquer_lcm/injector_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
@@ -49,6 +50,9 @@ class Steering {
   bool Take(PageId page, const TableMotion& motion, std::int64_t now_us);
   /// The same for settings of the X-ray system, which hold until another choice.
   bool Take(PageId page, const ImagingChoice& choice);
+  /// The same for an order to the power injector. It stands while its page is there. That page can
+  /// always give the order kOff.
+  bool Take(PageId page, const effects::Injector& injector);
   void Leave(PageId page);
 
   /// Moves on to `now_us`.
@@ -61,6 +65,9 @@ class Steering {
 
   /// Null before a wedge has moved.
   const torquer_lcm::wedge_command_t* WedgeCommand(std::int64_t now_us);
+
+  /// Null before the first order.
+  const torquer_lcm::injector_command_t* InjectorCommand(std::int64_t now_us);
 
   /// Null before the first motion, and unless `again` while the table is where the last one put it.
   const torquer_lcm::table_command_t* TableCommand(std::int64_t now_us, bool again);
@@ -103,6 +110,10 @@ class Steering {
   std::map<PageId, std::uint32_t> answered_;  // of the pages that are still there
   torquer_lcm::imaging_command_t imaging_command_{};
   torquer_lcm::wedge_command_t wedge_command_{};
+  effects::Injector injector_;
+  std::optional<PageId> injector_page_;  // that gave the newest order
+  bool ordered_ = false;
+  torquer_lcm::injector_command_t injector_command_{};
 };
 
 }  // namespace torquer::viewer

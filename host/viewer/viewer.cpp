@@ -139,6 +139,10 @@ class Viewer {
       if (steering_.Take(page, *choice)) PublishImaging(bus::MonotonicUs());
       return true;
     }
+    if (const auto order = ReadInjector(message)) {
+      if (steering_.Take(page, *order)) PublishInjector(bus::MonotonicUs());
+      return true;
+    }
     if (const auto control = ReadCaseControl(message)) {
       if (station_ == nullptr) return false;
       // While a page steers, no other page may change the case.
@@ -243,6 +247,11 @@ class Viewer {
     if (wedges != nullptr) bus_.Publish(protocol::kWedgeCommandChannel, *wedges);
   }
 
+  void PublishInjector(std::int64_t now_us) {
+    const torquer_lcm::injector_command_t* const command = steering_.InjectorCommand(now_us);
+    if (command != nullptr) bus_.Publish(protocol::kInjectorCommandChannel, *command);
+  }
+
   void PublishTable(std::int64_t now_us, bool again) {
     const torquer_lcm::table_command_t* const command = steering_.TableCommand(now_us, again);
     if (command != nullptr) bus_.Publish(protocol::kTableCommandChannel, *command);
@@ -268,6 +277,7 @@ class Viewer {
   // Sends the viewer's own state to the page.
   void Summarize(std::int64_t now_us) {
     PublishImaging(now_us);
+    PublishInjector(now_us);
     PublishTable(now_us, true);
     const effects::Imaging& imaging = steering_.imaging();
     nlohmann::json wedges = nlohmann::json::array();

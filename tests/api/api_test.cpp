@@ -427,6 +427,11 @@ TEST_CASE("Unusable values are refused without effect", "[api]") {
   refuse([&](Command& c) { c.imaging.wedge_right.rotation_deg = nan; }, "right 0 at nan deg");
   refuse([](Command& c) { c.table.height_mm = 151; }, "height_mm 151; give -150 to 150");
   refuse([&](Command& c) { c.table.left_mm = nan; }, "left_mm nan");
+  refuse([](Command& c) { c.injector.rate_mL_s = 46; },
+         "rate_mL_s 46; give 0.1 to 45, or -1 for the scene's value");
+  refuse([&](Command& c) { c.injector.rise_s = nan; }, "rise_s nan; give 0 to 9.9");
+  refuse([](Command& c) { c.injector.order = static_cast<torquer::Injector::Order>(3); },
+         "order 3; give off, arm or inject");
   refuse([](Command& c) { c.imaging.mode = static_cast<torquer::Imaging::Mode>(4); }, "mode 4");
   simulation.Step(simulation.command());
   CHECK_THROWS_WITH(simulation.Step(simulation.command()), Contains("give increasing times"));

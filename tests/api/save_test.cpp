@@ -42,6 +42,14 @@ class Session {
       command.table.height_mm = Uniform(0, 1) < 0.2 ? 20 : 0;
       command.imaging.wedge_left = Drawn(0.4, -30);
       command.imaging.wedge_right = Drawn(0.3, 60);
+      if (Uniform(0, 1) < 0.7) {
+        // Off, arm, inject and again.
+        auto& order = command.injector.order;
+        order = static_cast<torquer::Injector::Order>((static_cast<int>(order) + 1) % 3);
+        command.injector.volume_mL = Drawn(2, 0).share;
+        command.injector.rate_mL_s = 40;
+        command.injector.delay_s = command.injector.rise_s = 0.01;
+      }
       const bool is_rendered = Uniform(0, 1) < 0.3;
       const int ticks = Uniform(0, 1) < 0.3 ? 2 : 1000;
       int done = 0;

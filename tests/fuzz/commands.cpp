@@ -55,6 +55,16 @@ std::vector<Bytes> Seeds() {
     wedges.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     packet.insert(packet.end(), bytes.begin(), bytes.end());
     AppendPacket(input, packet);
+    torquer_lcm::injector_command_t injector{};
+    injector.sequence = k;
+    injector.order = k;
+    injector.volume_mL = 60.0 * k;
+    injector.rate_mL_s = 4;
+    packet.resize(2);
+    bytes.resize(static_cast<std::size_t>(injector.getEncodedSize()));
+    injector.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    packet.insert(packet.end(), bytes.begin(), bytes.end());
+    AppendPacket(input, packet);
   }
   return {input};
 }
@@ -82,6 +92,10 @@ bool Accepts(std::span<const std::uint8_t> input) {
     torquer_lcm::wedge_command_t wedges;
     if (bus::DecodeMessage(bytes.data(), bytes.size(), wedges)) {
       commands.Take(wedges, sender, now_us);
+    }
+    torquer_lcm::injector_command_t injector;
+    if (bus::DecodeMessage(bytes.data(), bytes.size(), injector)) {
+      commands.Take(injector, sender, now_us);
     }
     commands.Age(now_us);
     const simulator::Command& wanted = commands.command();

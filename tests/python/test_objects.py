@@ -142,6 +142,30 @@ def test_wedge_filters_darken_a_side_of_the_picture(phantom):
         torquer.Imaging(wedge_left=0.3)
 
 
+def test_the_power_injector_injects_its_volume_once():
+    simulation = torquer.Simulation("coronary")
+
+    def injected(order, until_s, **set_up):
+        injector = torquer.Injector(order, **set_up)
+        assert eval(repr(injector), {"Injector": torquer.Injector}).order == injector.order == order
+        simulation.step(until_s, simulation.hands, injector=injector)
+        return simulation.readings()["contrast_injected_mL"]
+
+    set_up = {"volume_mL": 2, "rate_mL_s": 10, "delay_s": 0.05, "rise_s": 0.1}
+    assert injected("inject", 0.01, **set_up) == 0
+    assert injected("arm", 0.02, **set_up) == 0
+    # 0.1 s of rise, and 0.05 s at 10 mL/s.
+    assert injected("inject", 0.22, **set_up) == pytest.approx(0.5 + 0.5)
+    assert injected("inject", 0.33, **set_up) == pytest.approx(2)
+    readings = simulation.readings()
+    assert (readings["injector_phase"], readings["injections"]) == (3, 1)
+    assert torquer.Injector().volume_mL == -1
+    with pytest.raises(torquer.Error, match="order is 'fire'; give off, arm or inject"):
+        torquer.Injector("fire")
+    with pytest.raises(torquer.Error, match="injector has volume_mL 200; give 0.1 to 150, or -1 for the scene's value"):
+        torquer.Injector(volume_mL=200)
+
+
 def test_points_are_where_the_picture_shows_them():
     scene = torquer.Scene("everything").with_values({"effects.fluoroscopy.photons": 1e6, "effects.heartbeat": False})
     simulation = torquer.Simulation(scene)

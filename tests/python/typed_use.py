@@ -15,6 +15,7 @@ def depth_mm(path: str) -> float:
         simulation.hands + np.array([[1.0, 0.0]]),
         xray=True,
         imaging=imaging,
+        injector=torquer.Injector("arm", volume_mL=12),
         after_tick=lambda tick: tick.converged and not simulation.picture_due(),
     )
     readings: Dict[str, float] = simulation.readings()

@@ -160,6 +160,34 @@ TEST_CASE("A peak of the wall force between two readings is in the course") {
   CHECK(points[2].value == 2);
 }
 
+TEST_CASE("The newest injection of the readings is listed once, until the next one begins") {
+  SessionCourse course;
+  torquer_lcm::readings_t readings{};
+  readings.names = {"injection_start_s", "injection_set_mL", "injection_rate_mL_s", "injection_mL",
+                    "injection_aborted"};
+  const std::vector<double> all[] = {{-1, 0, 0, 0, 0},  {2.5, 8, 4, 0, 0}, {2.5, 8, 4, 3, 0},
+                                     {2.5, 8, 4, 3, 1}, {2.5, 8, 4, 3, 1}, {9, 6, 2, 1, 0},
+                                     {9, 6, 2, 6, 0},   {20, 6, 2, 0.5, 0}};
+  for (const std::vector<double>& values : all) {
+    readings.values = values;
+    course.Add(readings);
+  }
+  REQUIRE(course.injections().size() == 3);
+  const torquer::PowerInjection first = course.injections()[0];
+  const torquer::PowerInjection second = course.injections()[1];
+  const torquer::PowerInjection third = course.injections()[2];
+  CHECK((first.start_s == 2.5 && first.volume_mL == 8 && first.rate_mL_s == 4));
+  CHECK((first.delivered_mL == 3 && first.aborted && !first.complete()));
+  CHECK((second.start_s == 9 && second.delivered_mL == 6 && second.complete()));
+  CHECK((third.delivered_mL == 0.5 && !third.aborted && !third.complete()));
+  for (int k = 0; k < 200; ++k) {
+    readings.values = {30.0 + k, 6, 2, 0.25 * k, 0};
+    course.Add(readings);
+  }
+  CHECK(course.injections().size() == SessionCourse::kMostInjections);
+  CHECK(course.injections().back().delivered_mL == 0.25 * (SessionCourse::kMostInjections - 4));
+}
+
 TEST_CASE("A wall force of a tick that did not settle is apart from those that count") {
   SessionCourse course;
   torquer_lcm::readings_t readings{};

@@ -22,6 +22,7 @@
 #include "tests/support/paths.h"
 #include "tests/support/scenes.h"
 #include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/injector_command_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/table_command_t.hpp"
@@ -51,6 +52,7 @@ struct Machine {
   std::int64_t refused_senders = 0;
   std::int64_t first_tick_sequence = -1;  // newest command that the first state shows
   bool restarts = false;                  // the simulator counts its ticks from 0 again
+  double injector_mL = 0;                 // 0: no command for the power injector
   double wedge_share = 0;                 // 0: no command for the wedges, as in logs before it
   double table_left_mm = 0;               // 0: no command for the table, as in logs before it
 };
@@ -136,6 +138,17 @@ double RecordJudged(const SceneFile& file, const Machine& machine, const std::st
       table.publish_us = command.publish_us - 100;
       table.left_mm = machine.table_left_mm;
       log.Write(torquer::protocol::kTableCommandChannel, table);
+    }
+    // Armed, then ordered to inject until command 40. Later ones are missing.
+    if (machine.injector_mL != 0 && i >= 10 && i <= 40) {
+      torquer_lcm::injector_command_t injector{};
+      injector.sequence = i;
+      injector.clock_id = kJudgedClock;
+      injector.publish_us = command.publish_us - 100;
+      injector.order = i < 12 ? 1 : 2;
+      injector.volume_mL = machine.injector_mL;
+      injector.rate_mL_s = injector.delay_s = injector.rise_s = -1;
+      log.Write(torquer::protocol::kInjectorCommandChannel, injector);
     }
     if (machine.wedge_share != 0 && i == 10) {
       torquer_lcm::wedge_command_t wedges{};
@@ -263,6 +276,32 @@ TEST_CASE("A replay has the wedges, and the dose behind them") {
   const double through = std::exp(-copper);
   const double ramp = (1 - through) / copper;
   CHECK(judged(0.5) == Approx((0.5 + 0.1 * ramp + 0.4 * through) * without).epsilon(1e-3));
+}
+
+TEST_CASE("A replay has the injections, and aborts one whose sender is silent, as live") {
+  const auto judged = [](double volume_mL) {
+    const SceneFile file(std::string(kJudgedTask) +
+                         "[effects.flow]\ninlet = \"main\"\ninlet_mL_s = 5\n"
+                         "[effects.contrast]\nrate_mL_s = 1\ninjector_volume_mL = 3\n"
+                         "injector_rate_mL_s = 4\n");
+    Machine machine;
+    machine.injector_mL = volume_mL;
+    RecordJudged(file, machine, "");
+    const SessionJudgment judgment = JudgeFile(file);
+    CHECK(judgment.not_gradable.empty());
+    REQUIRE(judgment.course.injections().size() == 1);
+    const torquer::PowerInjection injection = judgment.course.injections()[0];
+    CHECK(FindReading(judgment.readings, "contrast_injected_mL") == Approx(injection.delivered_mL));
+    CHECK(injection.start_s == Approx(1e-6 * kCommandEveryUs * 13).margin(0.011));
+    CHECK(injection.volume_mL == volume_mL);
+    CHECK(injection.rate_mL_s == 4);
+    return injection;
+  };
+  CHECK(judged(2).complete());
+  const auto aborted = judged(5);
+  CHECK(aborted.aborted);
+  // 28 periods from the first order to the last, and 0.3 s of silence.
+  CHECK(aborted.delivered_mL == Approx(4 * (28 * 0.01 + 0.3)).margin(4 * 0.021));
 }
 
 TEST_CASE("Pedals of a silent sender are up in a replay, as live") {

@@ -85,6 +85,30 @@ TEST_CASE("The page compares the contrast agent with the patient's limit") {
   CHECK_THAT(page(1.25), Row("Contrast agent", "1.50 mL, above the patient's limit of 1.25 mL"));
 }
 
+TEST_CASE("Page and JSON list the injections by the power injector") {
+  SessionReport report = PageReport(true);
+  CHECK_THAT(FormatPage(report, PagePartsOfCourse()), !Catch::Contains("Power injection"));
+  torquer_lcm::readings_t readings{};
+  readings.names = {"injection_start_s", "injection_set_mL", "injection_rate_mL_s", "injection_mL",
+                    "injection_aborted"};
+  for (const auto& values : std::vector<std::vector<double>>{
+           {12.5, 8, 4, 8, 0}, {65, 8, 4, 3.25, 1}, {70, 6, 2, 1.5, 0}}) {
+    readings.values = values;
+    report.course.Add(readings);
+  }
+  const std::string page = FormatPage(report, PagePartsOfCourse());
+  CHECK_THAT(page, Row("Power injection 1", "8.00 mL at 4.00 mL/s, from 0:12.5 min"));
+  CHECK_THAT(page, Row("Power injection 2",
+                       "aborted after 3.25 mL of 8.00 mL at 4.00 mL/s, from 1:05.0 min"));
+  CHECK_THAT(page, Row("Power injection 3",
+                       "unfinished, 1.50 mL of 6.00 mL at 2.00 mL/s, from 1:10.0 min"));
+  const auto json = nlohmann::json::parse(FormatReportJson(report, "", ""))["injections"];
+  CHECK(json.size() == 3);
+  CHECK(json[1] == nlohmann::json::parse(R"({"start_s": 65.0, "volume_mL": 8.0, "rate_mL_s": 4.0,
+    "delivered_mL": 3.25, "complete": false, "aborted": true})"));
+  CHECK(json[0]["complete"] == true);
+}
+
 TEST_CASE("The verdict follows the readings") {
   SessionReport report = PageReport(true);
   const PageParts parts = PagePartsOfCourse();

@@ -9,6 +9,7 @@
 #include <torquer_lcm/hand_motion_t.hpp>
 #include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/imaging_command_t.hpp>
+#include <torquer_lcm/injector_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
@@ -127,6 +128,9 @@ std::vector<SampleMessage> SampleMessages() {
   table.height_mm = 2.5;
   torquer_lcm::wedge_command_t wedges{};
   wedges.share[1] = 0.25;
+  torquer_lcm::injector_command_t injector{};
+  injector.order = 1;
+  injector.volume_mL = 12.5;
   torquer_lcm::picture_t picture{};
   picture.encoding = "jpeg";
   picture.data = {1, 2, 3, 4, 5};
@@ -152,7 +156,7 @@ std::vector<SampleMessage> SampleMessages() {
   vitals.pressure_mmHg = {80, 120.5};
   return {Sample(forces),  Sample(sample),  Sample(motion),   Sample(health),  Sample(command),
           Sample(imaging), Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState()),
-          Sample(table),   Sample(vitals),  Sample(wedges)};
+          Sample(table),   Sample(vitals),  Sample(wedges),   Sample(injector)};
 }
 
 }  // namespace torquer::test

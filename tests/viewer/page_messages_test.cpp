@@ -293,6 +293,34 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   CHECK_FALSE(ReadImaging(other));
 }
 
+TEST_CASE("An order to the power injector is taken only as the page sends it") {
+  const auto message = [](std::uint8_t order, double volume_mL, double rate_mL_s, double delay_s,
+                          double rise_s) {
+    std::vector<std::uint8_t> bytes = {21, 1, order, 0, 0, 0, 0, 0};
+    for (const double value : {volume_mL, rate_mL_s, delay_s, rise_s}) {
+      const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
+      bytes.insert(bytes.end(), first, first + sizeof value);
+    }
+    return bytes;
+  };
+  using torquer::effects::Injector;
+  CHECK(ReadInjector(message(2, 150, 0.1, 99.9, 9.9)) ==
+        Injector{Injector::Order::kInject, 150, 0.1, 99.9, 9.9});
+  CHECK(ReadInjector(message(0, -1, -1, -1, -1)) == Injector{});
+  CHECK_FALSE(ReadInjector(message(3, 10, 1, 0, 0)));
+  CHECK_FALSE(ReadInjector(message(1, 150.1, 1, 0, 0)));
+  CHECK_FALSE(ReadInjector(message(1, 10, 0.09, 0, 0)));
+  CHECK_FALSE(ReadInjector(message(1, 10, 1, -0.5, 0)));
+  CHECK_FALSE(ReadInjector(message(1, 10, 1, 0, std::nan(""))));
+  auto other = message(1, 10, 1, 0, 0);
+  other[1] = 2;
+  CHECK_FALSE(ReadInjector(other));
+  other[1] = 1;
+  CHECK_FALSE(ReadImaging(other));
+  other.push_back(0);
+  CHECK_FALSE(ReadInjector(other));
+}
+
 TEST_CASE("Choices of cases are accepted only in the page's format") {
   const auto message = [](std::uint8_t action, std::uint8_t number) {
     std::vector<std::uint8_t> bytes(kControlsBytes);

@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { BrowserSession, checkMargins, holdKey, until } from "./browser_session.mjs";
+import { checkInjector } from "./injector_checks.mjs";
 import { checkWedges } from "./wedge_checks.mjs";
 
 const [root, programs] = process.argv.slice(2);
@@ -140,6 +141,8 @@ test("the picture names the patient's sides until the next picture", async () =>
 test("no text covers the picture, and none is cut off, in any window", async () => {
   await checkMargins(page, ["#xray-picture"], [[1280, 720], [1600, 900], [1024, 768], [800, 1180], [420, 860], [860, 420]], 0.6);
 });
+
+test("the power injector injects its volume, and stops when it is aborted", () => checkInjector(page));
 
 test("contrast is injected while C is held", async () => {
   const injected = async () => Number((await text("#dose")).match(/Contrast([\d.]+)/)?.[1] ?? 0);

@@ -191,13 +191,48 @@ TEST_CASE("Positions of the wedges are sent once one has moved") {
   CHECK(command->publish_us == kStart + 10);
   const std::int64_t first = command->sequence;
   // Out again, and it is still sent.
-  REQUIRE(steering.Take(3, {{}, 3}));
+  REQUIRE(steering.Take(3, ImagingChoice{{}, 3}));
   command = steering.WedgeCommand(kStart + 20);
   REQUIRE(command != nullptr);
   CHECK(command->sequence == first + 1);
   CHECK(command->share[0] == 0);
   steering.Restart();
   CHECK(steering.WedgeCommand(kStart + 30) == nullptr);
+}
+
+TEST_CASE("An order to the power injector stands while its page is there") {
+  using torquer::effects::Injector;
+  using Order = Injector::Order;
+  Steering steering = Placed();
+  CHECK(steering.InjectorCommand(kStart) == nullptr);
+  REQUIRE(steering.Take(3, Injector{Order::kArm, 12, 3, 0.5, 0.25}));
+  const auto* command = steering.InjectorCommand(kStart + 10);
+  REQUIRE(command != nullptr);
+  CHECK(command->order == torquer::protocol::kInjectorArm);
+  CHECK(command->volume_mL == 12);
+  CHECK(command->rate_mL_s == 3);
+  CHECK(command->delay_s == 0.5);
+  CHECK(command->rise_s == 0.25);
+  CHECK(command->clock_id == 77);
+  CHECK(command->publish_us == kStart + 10);
+  const std::int64_t first = command->sequence;
+  const auto order = [&] { return steering.InjectorCommand(kStart + 20)->order; };
+
+  // While another page steers, this one can only stop.
+  steering.Take(4, Push(1), kStart);
+  CHECK_FALSE(steering.Take(3, Injector{.order = Order::kInject}));
+  CHECK(order() == torquer::protocol::kInjectorArm);
+  CHECK(steering.InjectorCommand(kStart)->sequence == first + 2);
+  CHECK(steering.Take(3, Injector{.order = Order::kOff}));
+  CHECK(order() == torquer::protocol::kInjectorOff);
+  CHECK_FALSE(steering.Take(5, Injector{.order = Order::kOff}));
+  REQUIRE(steering.Take(4, Injector{.order = Order::kInject}));
+  steering.Leave(3);
+  CHECK(order() == torquer::protocol::kInjectorInject);
+  steering.Leave(4);
+  CHECK(order() == torquer::protocol::kInjectorOff);
+  steering.Restart();
+  CHECK(steering.InjectorCommand(kStart) == nullptr);
 }
 
 TEST_CASE("The steering page moves the table at its rate, and it stops with the page") {

@@ -208,6 +208,21 @@ struct Table {
   double height_mm = 0;  ///< to the patient's front, which is up; -150 .. 150
 };
 
+/// Order to the power injector, and its set-up. Both need injector_volume_mL in [effects.contrast].
+/// An order kArm after another order arms it for one injection. An order kInject then starts that.
+/// Any other order stops it at once, and it must be armed again.
+struct Injector {
+  enum class Order : std::uint8_t { kOff, kArm, kInject };
+  Order order = Order::kOff;
+  double volume_mL = -1;  ///< 0.1 to 150; -1, here and below: value of the scene
+  double rate_mL_s = -1;  ///< 0.1 to 45
+  double delay_s = -1;    ///< from the order to the first agent, 0 to 99.9
+  double rise_s = -1;     ///< time in which the rate rises from 0 to its value, 0 to 9.9
+};
+
+/// Throws Error for an order or a set-up that a step refuses.
+TORQUER_API void CheckInjector(const Injector& injector);
+
 /// Command of the hands and feet for a time.
 struct Command {
   double time_s = 0;        ///< since the start; ascending, the first one >= 0
@@ -218,6 +233,7 @@ struct Command {
   bool contrast = false;
   Imaging imaging = {};
   Table table = {};
+  Injector injector = {};
 };
 
 /// Report of a step, or of one tick.

@@ -19,6 +19,7 @@ import pathlib
 from ._torquer import (
     Error,
     Imaging,
+    Injector,
     InstrumentInfo,
     Scene,
     Sensitivity,
@@ -35,6 +36,7 @@ from .states import States, read_states
 __all__ = [
     "Error",
     "Imaging",
+    "Injector",
     "InstrumentInfo",
     "Scene",
     "Sensitivity",

@@ -144,6 +144,27 @@ class Imaging:
     @property
     def wedge_right(self) -> Tuple[float, float]: ...
 
+class Injector:
+    def __init__(
+        self,
+        order: str = ...,
+        *,
+        volume_mL: float = ...,
+        rate_mL_s: float = ...,
+        delay_s: float = ...,
+        rise_s: float = ...,
+    ) -> None: ...
+    @property
+    def order(self) -> str: ...
+    @property
+    def volume_mL(self) -> float: ...
+    @property
+    def rate_mL_s(self) -> float: ...
+    @property
+    def delay_s(self) -> float: ...
+    @property
+    def rise_s(self) -> float: ...
+
 class Simulation:
     def __init__(self, scene: Union[Scene, str, PathLike[str]]) -> None: ...
     @property
@@ -164,6 +185,7 @@ class Simulation:
         contrast: bool = ...,
         imaging: Imaging = ...,
         table_mm: Tuple[float, float, float] = ...,
+        injector: Injector = ...,
         after_tick: Optional[Callable[[StepReport], Optional[bool]]] = ...,
     ) -> StepReport: ...
     @property

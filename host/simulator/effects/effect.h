@@ -123,6 +123,23 @@ struct Table {
   bool operator==(const Table&) const = default;
 };
 
+/// Operator's order to the power injector (blood/power_injector.h), and its set-up.
+struct Injector {
+  enum class Order : std::uint8_t { kOff, kArm, kInject };
+  static constexpr double kAsScene = -1;  ///< value of the scene
+  static constexpr double kLeastVolumeML = 0.1, kMostVolumeML = 150;
+  static constexpr double kLeastRateMLS = 0.1, kMostRateMLS = 45;
+  static constexpr double kMostDelayS = 99.9;
+  static constexpr double kMostRiseS = 9.9;
+
+  Order order = Order::kOff;
+  double volume_mL = kAsScene;  ///< kLeastVolumeML to kMostVolumeML, or kAsScene
+  double rate_mL_s = kAsScene;  ///< kLeastRateMLS to kMostRateMLS, or kAsScene
+  double delay_s = kAsScene;  ///< from the order to the first agent: 0 to kMostDelayS, or kAsScene
+  double rise_s = kAsScene;   ///< of the rate from 0 to its value: 0 to kMostRiseS, or kAsScene
+  bool operator==(const Injector&) const = default;
+};
+
 /// Operator's controls besides the motion of the instruments.
 struct Controls {
   double lao_rad = 0;  ///< C-arm, positive LAO
@@ -131,6 +148,7 @@ struct Controls {
   bool contrast = false;
   Imaging imaging{};
   Table table{};
+  Injector injector{};
 };
 
 /// View of a tick after its relaxation, for the roles that follow.

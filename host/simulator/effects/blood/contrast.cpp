@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "host/support/error.h"
+#include <utility>
 
 namespace torquer::effects {
 
@@ -58,6 +57,7 @@ Contrast::Contrast(const Flow& flow, const ContrastSettings& settings, const Wir
   }
   slope_.resize(most);
   flux_.resize(most + 1);
+  if (settings.injector) injector_.emplace(*settings.injector);
   Restart();
 }
 
@@ -88,6 +88,7 @@ void Contrast::CopyFrom(const Effect& twin) {
   signs_ = from.signs_;
   node_mass_mg_ = from.node_mass_mg_;
   node_out_mm3_s_ = from.node_out_mm3_s_;
+  injector_ = from.injector_;
   injected_mg_ = from.injected_mg_;
   washed_out_mg_ = from.washed_out_mg_;
   clear_ = from.clear_;
@@ -103,6 +104,7 @@ void Contrast::Restart() {
   order_.clear();
   source_ = {};
   source_age_s_ = 0;
+  if (injector_) injector_->Restart();
   injected_mg_ = washed_out_mg_ = 0;
   clear_ = true;
   if (settings_.site == ContrastSettings::Site::kPlace) PlaceSource(settings_.place);
@@ -138,10 +140,14 @@ std::vector<Reading> Contrast::Readings() const {
   if (settings_.patient_limit_mL) {
     readings.push_back({"contrast_limit_mL", *settings_.patient_limit_mL});
   }
+  if (injector_) {
+    for (Reading& reading : injector_->Readings()) readings.push_back(std::move(reading));
+  }
   return readings;
 }
 
 void Contrast::Advance(const TickView& tick) {
+  if (injector_) injector_->Take(tick.controls.injector, tick.time_s - tick.step_s);
   const double insertion_mm = tick.state.poses()[settings_.instrument].insertion_mm;
   Advance(tick.time_s, tick.step_s, tick.controls.contrast,
           PointAt(wire_, tick.state.CurveOf(settings_.instrument), insertion_mm));
@@ -149,8 +155,9 @@ void Contrast::Advance(const TickView& tick) {
 
 void Contrast::Advance(double time_s, double step_s, bool injecting,
                        const Eigen::Vector3d& tip_mm) {
-  if (!(step_s > 0) || (clear_ && !injecting)) return;
-  if (injecting && settings_.site == ContrastSettings::Site::kTip) {
+  const bool is_fed = injecting || (injector_ && injector_->injecting());
+  if (!(step_s > 0) || (clear_ && !is_fed)) return;
+  if (is_fed && settings_.site == ContrastSettings::Site::kTip) {
     source_age_s_ += step_s;
     if (source_.edge < 0 || source_age_s_ >= kSourceRenewalS) {
       PlaceSource(flow_.graph().network().NearestTo(tip_mm));
@@ -163,18 +170,18 @@ void Contrast::Advance(double time_s, double step_s, bool injecting,
   }
 }
 
-void Contrast::FindFlows(double time_s, bool injecting) {
+void Contrast::FindFlows(double time_s, double injected_mL_s) {
   flow_.EdgesAt(time_s, edge_mL_s_);
   for (std::size_t e = 0; e < flows_.size(); ++e) {
     flows_[e].at_a = flows_[e].at_b = kMm3PerML * edge_mL_s_[e];
   }
-  if (injecting) {
+  if (injected_mL_s > 0) {
     if (responses_version_ != flow_.version()) TakeResponses();
     // An inflow within an edge acts on the other edges like two at its ends, divided by resistance.
     const auto at = static_cast<std::size_t>(source_.edge);
     const FlowEdge& edge = flow_.graph().edges()[at];
-    const double to_b = kMm3PerML * settings_.rate_mL_s * source_.beyond;
-    const double to_a = kMm3PerML * settings_.rate_mL_s - to_b;
+    const double to_b = kMm3PerML * injected_mL_s * source_.beyond;
+    const double to_a = kMm3PerML * injected_mL_s - to_b;
     const std::vector<double>& from_a = per_inflow_[static_cast<std::size_t>(edge.a)];
     const std::vector<double>& from_b = per_inflow_[static_cast<std::size_t>(edge.b)];
     for (std::size_t e = 0; e < flows_.size(); ++e) {
@@ -243,15 +250,17 @@ void Contrast::PourInto(int node, double mass_mg) {
 }
 
 void Contrast::Step(double time_s, double step_s, bool injecting) {
-  FindFlows(time_s, injecting);
+  const double injected_mL_s =
+      (injecting ? settings_.rate_mL_s : 0) + (injector_ ? injector_->Deliver(step_s) / step_s : 0);
+  FindFlows(time_s, injected_mL_s);
   const std::vector<FlowEdge>& edges = flow_.graph().edges();
   std::fill(node_out_mm3_s_.begin(), node_out_mm3_s_.end(), 0);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     node_out_mm3_s_[static_cast<std::size_t>(edges[e].a)] += std::max(0.0, flows_[e].at_a);
     node_out_mm3_s_[static_cast<std::size_t>(edges[e].b)] += std::max(0.0, -flows_[e].at_b);
   }
-  if (injecting) injected_mg_ += settings_.concentration_mg_mL * settings_.rate_mL_s * step_s;
-  clear_ = !injecting;
+  injected_mg_ += settings_.concentration_mg_mL * injected_mL_s * step_s;
+  clear_ = !(injected_mL_s > 0);
   for (const std::size_t e : order_) {
     // Each edge takes its fraction of the dye in its upstream node, so rounding loses no dye.
     const int from = UpstreamNode(e);
@@ -267,15 +276,16 @@ void Contrast::Step(double time_s, double step_s, bool injecting) {
       }
       node_out_mm3_s_[n] -= flow_mm3_s;
     }
-    const bool injects = injecting && static_cast<int>(e) == source_.edge;
-    if (inflow_mg_mL > 0 || edge_mass_mg_[e] > 0 || injects) {
-      CarryAlong(e, step_s, inflow_mg_mL, injects);
+    const double here_mL_s = static_cast<int>(e) == source_.edge ? injected_mL_s : 0;
+    if (inflow_mg_mL > 0 || edge_mass_mg_[e] > 0 || here_mL_s > 0) {
+      CarryAlong(e, step_s, inflow_mg_mL, here_mL_s);
     }
     clear_ = clear_ && edge_mass_mg_[e] == 0;
   }
 }
 
-void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, bool injects) {
+void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, double injected_mL_s) {
+  const bool injects = injected_mL_s > 0;
   const std::size_t n = cells_[e].count;
   double* const c = &concentration_[cells_[e].first];
   const double* const volume = &volume_[cells_[e].first];
@@ -316,8 +326,7 @@ void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, boo
     flux_[n] = flow.at_b * (flow.at_b > 0 ? c[n - 1] : in_b);
     for (std::size_t i = 0; i < n; ++i) c[i] += dt * (flux_[i] - flux_[i + 1]) / volume[i];
     if (injects) {
-      c[turn] +=
-          dt * kMm3PerML * settings_.rate_mL_s * settings_.concentration_mg_mL / volume[turn];
+      c[turn] += dt * kMm3PerML * injected_mL_s * settings_.concentration_mg_mL / volume[turn];
     }
     if (flow.at_a < 0) out_a -= dt * flux_[0];
     if (flow.at_b > 0) out_b += dt * flux_[n];
@@ -332,104 +341,6 @@ void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, boo
     edge_mass_mg_[e] = 0;
     std::fill(c, c + n, 0.0);
   }
-}
-
-namespace {
-
-using Site = ContrastSettings::Site;
-
-struct ContrastSpec : TableSpec {
-  double rate_mL_s = 0;
-  double concentration_mg_mL = 320;
-  double dispersion_mm2_s = 100;
-  double cell_mm = 2;
-  std::optional<double> patient_limit_mL;
-  Site at = Site::kEntry;
-  std::optional<std::string> instrument;
-  std::optional<std::string> centerline;
-  std::optional<double> at_mm;
-};
-
-void Check(const ContrastSpec& spec, StrictTable& table) {
-  const bool place = spec.at == Site::kPlace;
-  for (const char* key : {"centerline", "at_mm"}) {
-    if (table.Has(key) == place) continue;
-    table.Refuse(key, place ? "is missing; at = \"place\" needs it"
-                            : "is valid only with at = \"place\"; set that, or remove this key");
-  }
-  if (spec.instrument && spec.at != Site::kTip) {
-    table.Refuse("instrument", "is valid only with at = \"tip\"; set that, or remove this key");
-  }
-}
-
-const Keys<ContrastSpec>& ContrastKeys() {
-  static const Keys<ContrastSpec> keys =
-      Keys<ContrastSpec>()
-          .Required()
-          .Number("rate_mL_s", &ContrastSpec::rate_mL_s, 0.01, 50, "mL/s",
-                  "rate of injection while the button is held")
-          .Number("concentration_mg_mL", &ContrastSpec::concentration_mg_mL, 1, 500, "mg/mL",
-                  "concentration of iodine in the contrast agent")
-          .Number("dispersion_mm2_s", &ContrastSpec::dispersion_mm2_s, 0, 5000, "mm^2/s",
-                  "dispersion coefficient of the contrast agent along the vessel")
-          .Number("cell_mm", &ContrastSpec::cell_mm, 0.25, 20, "mm",
-                  "length of a computing cell along the vessel")
-          .Otherwise("unset: no limit is shown")
-          .Number("patient_limit_mL", &ContrastSpec::patient_limit_mL, 1, 2000, "mL",
-                  "largest total volume that the patient tolerates; above it, page and report warn")
-          .Choice("at", &ContrastSpec::at, {"entry", "tip", "place"},
-                  "place of injection: the sheath, the tip of an instrument (on the nearest "
-                  "centerline), or a place on a centerline")
-          .Otherwise("the innermost instrument")
-          .Text("instrument", &ContrastSpec::instrument,
-                "instrument whose tip injects, for at = \"tip\"")
-          .Otherwise("unset: at is not \"place\"")
-          .Text("centerline", &ContrastSpec::centerline,
-                "centerline of the injection, for at = \"place\"")
-          .Otherwise("unset: at is not \"place\"")
-          .Number("at_mm", &ContrastSpec::at_mm, 0, 1e5, "mm",
-                  "arc length of the injection along its centerline, for at = \"place\"")
-          .Checked(Check)
-          .Example(
-              "rate_mL_s = 2\n"
-              "at = \"tip\"\n"
-              "instrument = \"microcatheter\"\n");
-  return keys;
-}
-
-std::unique_ptr<Effect> MakeContrast(const ContrastSpec& spec, const EffectContext& context) {
-  const Flow& flow = *FindEarlier<Flow>(context);
-  ContrastSettings settings;
-  settings.site = spec.at;
-  if (spec.instrument) {
-    settings.instrument = context.FindInstrument(*spec.instrument, spec, "instrument");
-  }
-  if (spec.centerline) {
-    try {
-      settings.place = flow.graph().network().Place(*spec.centerline, *spec.at_mm);
-    } catch (const UserError& error) {
-      spec.origin.Refuse("centerline", error.what());
-    }
-  }
-  settings.rate_mL_s = spec.rate_mL_s;
-  settings.concentration_mg_mL = spec.concentration_mg_mL;
-  settings.dispersion_mm2_s = spec.dispersion_mm2_s;
-  settings.cell_mm = spec.cell_mm;
-  settings.patient_limit_mL = spec.patient_limit_mL;
-  return std::make_unique<Contrast>(flow, settings, context.wire);
-}
-
-}  // namespace
-
-EffectKind ContrastKind() {
-  return {
-      .name = "contrast",
-      .summary =
-          "contrast agent, injected while the button is held, carried by the flow and washed out",
-      .roles = "evolution, observer",
-      .keys = Any(ContrastKeys()),
-      .needs = "flow",
-      .make = MakeWith(MakeContrast)};
 }
 
 }  // namespace torquer::effects

@@ -1,5 +1,5 @@
-// Contrast agent in the blood. It is injected while the button is held, and carried along the
-// centerlines. It disperses, mixes at joints, and leaves at the ends.
+// Contrast agent in the blood. It is injected while the button is held or by the power injector,
+// and carried along the centerlines. It disperses, mixes at joints, and leaves at the ends.
 //
 //   node --[ cell | cell | cell | cell ]--> node     one mean concentration a cell
 //            F -> F -> F ->  limited second order upwind + dispersion, conservative
@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/simulator/effects/blood/flow.h"
+#include "host/simulator/effects/blood/power_injector.h"
 #include "host/simulator/effects/effect.h"
 
 namespace torquer::effects {
@@ -18,14 +19,15 @@ namespace torquer::effects {
 struct ContrastSettings {
   enum class Site { kEntry, kTip, kPlace };
   Site site = Site::kEntry;
-  int instrument = 0;             ///< for kTip
-  vessel::CenterlinePlace place;  ///< for kPlace
-  double rate_mL_s = 0;
+  int instrument = 0;              ///< for kTip
+  vessel::CenterlinePlace place;   ///< for kPlace
+  double rate_mL_s = 0;            ///< while the button is held
   double concentration_mg_mL = 0;  ///< of iodine
   double dispersion_mm2_s = 0;
   double cell_mm = 2;  ///< longest length of a cell
   /// Largest total volume that the patient tolerates.
   std::optional<double> patient_limit_mL = std::nullopt;
+  std::optional<InjectorSetUp> injector = std::nullopt;  ///< nullopt: there is no power injector
 };
 
 class Contrast final : public Effect, public Evolution, public Observer {
@@ -43,6 +45,7 @@ class Contrast final : public Effect, public Evolution, public Observer {
   std::vector<Reading> Readings() const override;
 
   /// Advances the dye by step_s up to time_s; injects at `tip_mm` or at the site in the settings.
+  /// `injecting`: by hand.
   void Advance(double time_s, double step_s, bool injecting, const Eigen::Vector3d& tip_mm);
 
   /// Cells of one edge of flow().graph(), of equal length, from its node a to its node b.
@@ -76,10 +79,10 @@ class Contrast final : public Effect, public Evolution, public Observer {
 
   void PlaceSource(const vessel::CenterlinePlace& place);
   void Step(double time_s, double step_s, bool injecting);
-  void FindFlows(double time_s, bool injecting);
+  void FindFlows(double time_s, double injected_mL_s);
   void TakeResponses();
   void OrderEdges();
-  void CarryAlong(std::size_t edge, double step_s, double inflow_mg_mL, bool injects);
+  void CarryAlong(std::size_t edge, double step_s, double inflow_mg_mL, double injected_mL_s);
   int UpstreamNode(std::size_t edge) const;
   void PourInto(int node, double mass_mg);
 
@@ -105,11 +108,13 @@ class Contrast final : public Effect, public Evolution, public Observer {
   std::vector<double> node_out_mm3_s_;
   std::vector<double> slope_;  // of the edge being processed
   std::vector<double> flux_;
+  std::optional<PowerInjector> injector_;
   double injected_mg_ = 0;
   double washed_out_mg_ = 0;
   bool clear_ = true;
 };
 
+/// Keys of [effects.contrast], and the effect that they make (contrast_keys.cpp).
 EffectKind ContrastKind();
 
 }  // namespace torquer::effects

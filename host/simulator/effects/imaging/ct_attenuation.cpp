@@ -13,18 +13,18 @@ namespace {
 // fractions of ICRU Report 44 and the total cross sections of xraylib 4.0 give them. At 40, 50, 60,
 // 80 and 100 keV they are those of Hubbell and Seltzer, NIST 126, 2004, table 4.
 constexpr double kStepKeV = 5;
-using Table = std::array<double, 13>;
-constexpr Table kWater = {0.2683, 0.2436, 0.2270, 0.2150, 0.2059, 0.1987, 0.1929,
-                          0.1879, 0.1837, 0.1799, 0.1766, 0.1735, 0.1708};
-constexpr Table kCorticalBone = {0.6655, 0.5189, 0.4242, 0.3601, 0.3148, 0.2818, 0.2570,
-                                 0.2379, 0.2229, 0.2108, 0.2008, 0.1925, 0.1855};
+using AttenuationTable = std::array<double, 13>;
+constexpr AttenuationTable kWater = {0.2683, 0.2436, 0.2270, 0.2150, 0.2059, 0.1987, 0.1929,
+                                     0.1879, 0.1837, 0.1799, 0.1766, 0.1735, 0.1708};
+constexpr AttenuationTable kCorticalBone = {0.6655, 0.5189, 0.4242, 0.3601, 0.3148, 0.2818, 0.2570,
+                                            0.2379, 0.2229, 0.2108, 0.2008, 0.1925, 0.1855};
 constexpr double kWaterDensity = 1.0;  // g/cm^3
 constexpr double kBoneDensity = 1.92;
 
 constexpr double kKneeHu = 100;
 
 // 1/mm. Between its energies the table is a power law.
-double Linear(const Table& table, double density, double keV) {
+double Linear(const AttenuationTable& table, double density, double keV) {
   const double steps = (keV - CtAttenuation::kLeastKeV) / kStepKeV;
   const std::size_t k = std::min(table.size() - 2, static_cast<std::size_t>(steps));
   const double low_keV = CtAttenuation::kLeastKeV + kStepKeV * static_cast<double>(k);

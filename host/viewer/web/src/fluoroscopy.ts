@@ -2,6 +2,7 @@
 
 import { element, Rows, seconds, setData, setText, short, signed } from "./dom.js";
 import type { Picture, Readings } from "./frames.js";
+import { injectorWords } from "./injector.js";
 import { Loops } from "./loops.js";
 import { Measure } from "./measure.js";
 import { PictureCanvas } from "./picture_canvas.js";
@@ -182,6 +183,11 @@ export class Fluoroscopy {
     row("Pulses", "xray_pulses", (value) => value.toFixed(0));
     row("Air kerma", "air_kerma_mGy", (value) => `${short(value)} mGy`);
     row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${short(value)} Gy cm²`);
+    const injector = injectorWords(values);
+    if (injector !== null) {
+      const shown = this.dose.set("Injector", injector);
+      setData(shown, "on", String(values["injector_phase"] === 2));
+    }
     const limitMl = values["contrast_limit_mL"];
     const over = (value: number) => typeof limitMl === "number" && value > limitMl;
     const contrast = row("Contrast", "contrast_injected_mL", (value) =>

@@ -365,6 +365,28 @@ export function writeImaging(imaging: Imaging, choice: number): ArrayBuffer {
   return view.buffer;
 }
 
+/** Set-up of the power injector. */
+export interface InjectorSetUp {
+  volume_mL: number;
+  rate_mL_s: number;
+  delay_s: number;
+  rise_s: number;
+}
+
+export type InjectorOrder = "off" | "arm" | "inject";
+
+export function writeInjector(order: InjectorOrder, setUp: InjectorSetUp): ArrayBuffer {
+  const view = new DataView(new ArrayBuffer(40));
+  view.setUint8(0, 21);
+  view.setUint8(1, VERSION);
+  view.setUint8(2, { off: 0, arm: 1, inject: 2 }[order]);
+  view.setFloat64(8, setUp.volume_mL, true);
+  view.setFloat64(16, setUp.rate_mL_s, true);
+  view.setFloat64(24, setUp.delay_s, true);
+  view.setFloat64(32, setUp.rise_s, true);
+  return view.buffer;
+}
+
 export interface ReplayControls {
   play: boolean;
   speed: number;

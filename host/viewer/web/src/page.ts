@@ -5,8 +5,9 @@ import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
 import type { Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
-import { STATUS, write, writeImaging, writeReplay, writeTable } from "./frames.js";
+import { STATUS, write, writeImaging, writeInjector, writeReplay, writeTable } from "./frames.js";
 import { GamepadSource } from "./gamepad.js";
+import { InjectorPanel } from "./injector.js";
 import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
 import { Pad } from "./pad.js";
@@ -38,6 +39,7 @@ class Page {
   private readonly pad = new Pad(this.steering);
   private readonly gamepad = new GamepadSource(this.steering);
   private readonly xraySystem = new XraySystem((imaging, choice) => this.link.send(writeImaging(imaging, choice)));
+  private readonly injector = new InjectorPanel((order, setUp) => this.link.send(writeInjector(order, setUp)));
   private readonly examination = new Examination();
   private readonly cases = new CaseScreen(
     (message) => this.link.send(message),
@@ -133,6 +135,7 @@ class Page {
       case "readings":
         this.readings = message;
         this.fluoroscopy.setReadings(message, this.viewer?.contrast === true);
+        this.injector.take(message.values, !this.replay.shown);
         break;
       case "patient":
         this.patient.take(message);
@@ -168,6 +171,7 @@ class Page {
     this.readings = null;
     this.pictures = 0;
     this.fluoroscopy.clear();
+    this.injector.take({}, false);
     this.panel.clear();
     this.patient.clear();
     this.examination.set(this.cases.examines, performance.now());
@@ -352,6 +356,7 @@ class Page {
     if (event.code === "KeyQ") this.fluoroscopy.measure.next();
     if (event.code === "KeyE") this.examine();
     this.xraySystem.next(event.code);
+    this.injector.key(event.code);
     if (event.code === "KeyP" && this.steering.enabled) this.showPad(element<HTMLElement>("#pad").hidden);
   }
 }
