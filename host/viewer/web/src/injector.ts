@@ -13,7 +13,7 @@ const LIMITS: Record<Key, { name: string; least: number; most: number; unit: str
   delay_s: { name: "Delay", least: 0, most: 99.9, unit: "s" },
   rise_s: { name: "Rise", least: 0, most: 9.9, unit: "s" },
 };
-const ANSWER_MS = 2000; // a set-up that the simulator does not show by then was refused
+const ANSWER_MS = 10_000; // a set-up that the simulator does not show by then was refused
 const KEYS = Object.keys(LIMITS) as Key[];
 
 /** State in words, for the figures; null without an injector. */
