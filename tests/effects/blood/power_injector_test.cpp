@@ -226,6 +226,29 @@ TEST_CASE("The injector's dye flows out of the vessels, and counts with that by 
   CHECK(session.Now("contrast_washed_out_mg") == Approx(320 * 2.3).epsilon(1e-9));
 }
 
+TEST_CASE("An injection at the rate of the hand puts the dye where the hand would", "[effects]") {
+  Session by_hand, by_power;
+  // 3 mL/s for 0.5 s into a stem with 5 mL/s, so that the injection changes the flow much.
+  const Injector set_up{.volume_mL = 1.5, .rate_mL_s = 3, .delay_s = 0, .rise_s = 0};
+  Injector order = set_up;
+  order.order = Order::kArm;
+  by_power.Run(order, 1);
+  order.order = Order::kInject;
+  by_power.Run(order, 140);
+  by_hand.Run({}, 1);
+  by_hand.Run({}, 100, true);
+  by_hand.Run({}, 40);
+  const std::vector<double>& one = by_hand.contrast().concentration_mg_mL();
+  const std::vector<double>& other = by_power.contrast().concentration_mg_mL();
+  REQUIRE(one.size() == other.size());
+  double dye = 0;
+  for (std::size_t cell = 0; cell < one.size(); ++cell) {
+    CHECK(other[cell] == Approx(one[cell]).epsilon(1e-9).margin(1e-9));
+    dye += one[cell];
+  }
+  CHECK(dye > 1);
+}
+
 TEST_CASE("A copy continues an injection to the bit, and a restart forgets it", "[effects]") {
   Session session;
   session.Run({.order = Order::kArm, .volume_mL = 1.5}, 7);
