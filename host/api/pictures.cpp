@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "host/api/impl.h"
+#include "host/simulator/command_limits.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/imaging/lateral_plane.h"
 #include "host/support/angles.h"

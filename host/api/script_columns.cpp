@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "host/simulator/command_limits.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "host/api/impl.h"
+#include "host/simulator/command_limits.h"
 #include "host/simulator/session_record.h"
 #include "protocol/lcm_channels.h"
 

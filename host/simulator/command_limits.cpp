@@ -1,9 +1,9 @@
+#include "host/simulator/command_limits.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
 #include <numbers>
-
-#include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "host/bus/clock.h"
+#include "host/simulator/command_limits.h"
 #include "host/support/printable_text.h"
 #include "protocol/lcm_channels.h"
 

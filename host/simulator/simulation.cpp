@@ -4,6 +4,7 @@
 #include <cassert>
 #include <limits>
 
+#include "host/simulator/command_limits.h"
 #include "host/simulator/wire_status.h"
 #include "protocol/lcm_channels.h"
 

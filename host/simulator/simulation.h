@@ -31,20 +31,6 @@ struct Command {
   effects::Controls controls;
 };
 
-/// Largest distance and angle that a target may have, mm or rad, in both directions.
-inline constexpr double kPoseLimit = 1e5;
-/// True if a pose is finite and within kPoseLimit.
-bool IsValid(const InstrumentPose& pose);
-/// True if all settings of the X-ray system are within their ranges.
-bool IsValid(const effects::Imaging& imaging);
-/// First invalid value of the power injector's order or set-up, with its remedy; "" without one.
-/// An example is "rate_mL_s 60; give 0.1 to 45, or -1 for the scene's value".
-std::string InvalidValue(const effects::Injector& injector);
-/// True if the table's position is within its ranges.
-bool IsValid(const effects::Table& table);
-/// True if the C-arm's angles are finite and within half a turn. Does not check the rest.
-bool IsValid(const effects::Controls& controls);
-
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
 class Simulation {
  public:

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/simulator/command_limits.h"
 #include "host/simulator/simulation.h"
 #include "host/support/fnv1a.h"
 #include "host/support/printable_text.h"

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "host/bus/message_check.h"
+#include "host/simulator/command_limits.h"
 #include "host/simulator/live_commands.h"
 #include "tests/fuzz/target.h"
 
@@ -101,6 +102,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
     const simulator::Command& wanted = commands.command();
     if (!simulator::IsValid(wanted.target[0]) || !simulator::IsValid(wanted.controls) ||
         !simulator::IsValid(wanted.controls.imaging) ||
+        !simulator::InvalidValue(wanted.controls.injector).empty() ||
         !simulator::IsValid(wanted.controls.table)) {
       throw std::logic_error("what cannot be wanted is");
     }

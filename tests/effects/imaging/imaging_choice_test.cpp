@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "host/simulator/command_limits.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/simulation.h"
 #include "tests/effects/vascular_scene.h"

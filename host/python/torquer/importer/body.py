@@ -93,11 +93,12 @@ def blur_mm(scan: Scan, mesh: Mesh, levels: Levels) -> float:
 def write(folder: pathlib.Path, scan: Scan, mesh: Mesh, levels: Levels) -> Body:
     """Writes the scan for the X-ray pictures, if its values are Hounsfield units."""
     low, high = _TISSUE_HU
+    why = ""
     if not low <= levels.tissue <= high:
         why = f"its soft tissue has {levels.tissue:.0f}, so its values are no Hounsfield units ({low} to {high})"
-        return Body("", [f"X-ray pictures show a model of a body instead of the scan: {why}."])
-    if scan.values.size > MOST_VOXELS:
+    elif scan.values.size > MOST_VOXELS:
         why = f"it has {scan.values.size} voxels, more than {MOST_VOXELS}"
+    if why:
         return Body("", [f"X-ray pictures show a model of a body instead of the scan: {why}."])
     write_meta(folder / FILE, scan)
     text = f'''# The scan, with blood in place of the contrast agent in the vessels.
