@@ -28,11 +28,25 @@ def _point(option: str, text: str) -> Any:
     return point
 
 
+def _places(arguments: argparse.Namespace) -> Tuple[Optional[Any], Optional[Any]]:
+    """Places of --root and --entry."""
+    root, entry = arguments.root, arguments.entry
+    return None if root is None else _point("--root", root), None if entry is None else _point("--entry", entry)
+
+
+def _part(mesh: surface.Mesh, arguments: argparse.Namespace) -> Tuple[surface.Mesh, List[str]]:
+    """The part of the surface next to --root or --entry, or the largest, and sentences about the others."""
+    root, entry = _places(arguments)
+    return surface.chosen(mesh, entry if root is None else root)
+
+
 def _label_mesh(read: scan.Scan, number: int) -> surface.Mesh:
     mask = read.values == number
-    if not mask.any():
-        there = ", ".join(map(str, np.unique(read.values)[:20]))
-        raise Error(f"--label {number}: no voxel of {read.path} has this value; there are: {there}")
+    if number == 0 or not mask.any():
+        why = "is the background" if number == 0 else f"no voxel of {read.path} has this value"
+        there = [value for value in np.unique(read.values) if value]
+        listed = ", ".join(map(str, there[:20])) + (", .." if len(there) > 20 else "") if there else "none"
+        raise Error(f"--label {number}: {why}; labels in {read.path}: {listed}")
     picture = need("scipy.ndimage").gaussian_filter(mask.astype(np.float32), 0.7)
     return surface.isosurface(picture, 0.5, read.affine)
 
@@ -49,6 +63,8 @@ def _from_scan(
     if arguments.label is not None:
         progress.step("Surface of the label")
         mesh = _label_mesh(read, arguments.label)
+        ml = np.count_nonzero(read.values == arguments.label) * float(abs(np.linalg.det(read.affine[:3, :3]))) / 1000
+        facts.append(f"Label {arguments.label}: {ml:.2f} mL.")
     else:
         levels = lumen.levels_of(read, seeds)
         facts.append(f"Levels: {levels}.")
@@ -61,6 +77,8 @@ def _from_scan(
         scan.write_nifti(folder / "lumen.nii.gz", label, read.affine)
         mesh = surface.isosurface(values, 0.5, read.affine, first)
         del picture, label, values
+    mesh, left_out = _part(mesh, arguments)
+    facts += left_out
     before = mesh.volume_mm3()
     mesh = surface.decimate(surface.smooth(mesh))
     text = ""
@@ -82,10 +100,6 @@ def _from_surface(
     """Repaired surface, its centerlines if they are given, and sentences about the steps."""
     progress.step("Reading the surface")
     mesh, space, facts = _given.read_surface(arguments.scan, arguments.mesh_unit, arguments.space)
-    before = len(mesh.triangles)
-    mesh = surface.decimate(mesh)
-    if len(mesh.triangles) < before:
-        facts.append(f"Surface: {before} triangles were reduced to {len(mesh.triangles)}, with the volume kept.")
     curves = None
     if arguments.centerlines is not None:
         if os.path.isdir(arguments.centerlines):
@@ -93,6 +107,15 @@ def _from_surface(
         else:
             curves, said = _given.read_lines(arguments.centerlines, arguments.mesh_unit, space, root)
         facts += said
+        # The part that the curves lie in.
+        mesh, left_out = surface.chosen(mesh, curves[0].points[len(curves[0].points) // 2])
+    else:
+        mesh, left_out = _part(mesh, arguments)
+    facts += left_out
+    before = len(mesh.triangles)
+    mesh = surface.decimate(mesh)
+    if len(mesh.triangles) < before:
+        facts.append(f"Surface: {before} triangles were reduced to {len(mesh.triangles)}, with the volume kept.")
     return mesh, curves, facts
 
 
@@ -103,10 +126,21 @@ def _given_body(folder: pathlib.Path, arguments: argparse.Namespace, mesh: surfa
     return body.Body(found.text, [*read.facts, *found.facts])
 
 
+def _findings(folder: pathlib.Path, name: str, arguments: argparse.Namespace) -> List[str]:
+    """Findings of the simulator about the finished case. Raises Error naming the input if the case does not run."""
+    try:
+        return list(Scene(str(folder / f"{name}.toml")).findings)
+    except Error as error:
+        unit = " Check --mesh-unit." if arguments.mesh_unit else ""
+        raise Error(
+            f"{arguments.scan}: the simulator refuses the case that was made from it, and so it was not kept.{unit} Choose other "
+            f"ends by --root and --entry, or correct the vessel in 3D Slicer. It says: {str(error).replace(f'{folder}/', '')}"
+        ) from None
+
+
 def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: _command.Progress) -> str:
     """Makes all files in a folder; returns a description."""
-    root: Optional[Any] = None if arguments.root is None else _point("--root", arguments.root)
-    at: Optional[Any] = None if arguments.entry is None else _point("--entry", arguments.entry)
+    root, at = _places(arguments)
     curves: Optional[List[centerlines.Curve]] = None
     shown = ""
     if _given.is_surface(arguments.scan):
@@ -121,17 +155,21 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
         facts += given.facts
     if curves is None:
         progress.step("Centerlines")
-        curves = centerlines.find(mesh, root)
+        try:
+            curves = centerlines.find(mesh, root, facts)
+        except Error as error:
+            raise Error(f"{arguments.scan}: {error}") from None
     centerlines.write(folder / "centerlines", curves)
     facts.append(f"{len(curves)} centerlines, {sum(float(curve.lengths_mm()[-1]) for curve in curves):.0f} mm.")
+    facts += case.size_facts(curves)
     progress.step("Scene")
     entries = case.entries_of(curves)
-    entry = case.first_entry(entries) if at is None else case.entry_at(entries, at)
+    entry = case.first_entry(entries, facts) if at is None else case.entry_at(entries, at)
     origin = pathlib.Path(arguments.scan).resolve().name
     text = case.scene_text(name, re.sub(r"[^\w. -]", "_", origin), curves, entry, shown)
     (folder / f"{name}.toml").write_text(text)
     case.draw(folder / "picture.png", mesh, curves, entries)
-    facts += Scene(str(folder / f"{name}.toml")).findings
+    facts += _findings(folder, name, arguments)
     (folder / "report.txt").write_text("\n".join(facts) + "\n")
     progress.end()
     return "\n".join(facts)

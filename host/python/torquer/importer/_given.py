@@ -17,7 +17,7 @@ from ..centerlines import MM, Line, read_vtp, without_trunks
 from ._base import Error, Points, as_text, need
 from .centerlines import STEP_MM, Curve, clamp, wall_of
 from .scan import Path
-from .surface import Mesh, from_vtk
+from .surface import Mesh, from_vtk, in_order
 
 _BY_VTK = (".vtp", ".vtk")
 ENDINGS = (".stl", ".obj", ".ply", *_BY_VTK)
@@ -53,7 +53,8 @@ def read_surface(path: Path, mesh_unit: str, space: Optional[str]) -> Tuple[Mesh
         raise Error(f"{path}: the file says SPACE={said}, but --space is {space}; leave out --space")
     used = space or said or "LPS"
     origin = "the file says so" if said else "by --space" if space else "assumed, because the file does not say it; see --space"
-    mesh = Mesh(in_lps(read.points_mm, used), read.triangles.astype(np.int64))
+    # The same mesh in another file gives the same centerlines.
+    mesh = in_order(Mesh(in_lps(read.points_mm, used), read.triangles.astype(np.int64)))
     return mesh, used, [*read.findings, f"Coordinates in {mesh_unit} and {used}: {origin}."]
 
 

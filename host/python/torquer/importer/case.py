@@ -8,10 +8,10 @@ from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
-from .._polyline import arcs_of, at_arcs
+from .._polyline import arcs_of, at_arcs, resampled
 from . import views
 from ._base import Error, need, unit
-from .centerlines import Curve
+from .centerlines import LEVEL_MM, Curve, lowest
 from .surface import Mesh
 
 # The entry lies this many radii behind the tip. Its direction is that over the same length.
@@ -23,8 +23,14 @@ ANTERIOR, LEFT = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 # The aorta's mean flow, mL/s, in a root of this radius, mm, and Murray's cube for others.
 _AORTA_ML_S, _AORTA_MM = 80.0, 12.0
 _TIP_MM, _TIP_DEG = 15.0, 45.0
-# Radius of a 0.014-inch wire.
-_THIN_MM = 0.178
+# Radius of a 0.014-inch wire, and of a 0.035-inch one.
+_THIN_MM, _THICK_MM = 0.178, 0.4445
+# The simulator joins an end of a curve to another curve that is nearer than 0.5 mm.
+_JOINED_MM = 0.6
+# Limits of the scene's keys.
+_LEAST_ML_S, _MOST_TARGET_MM = 0.001, 50.0
+# Larger radii over half of a curve are not those of an artery. An aorta has less, and an aneurysm is shorter.
+_WIDEST_MM = 25.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,15 +57,66 @@ def entry_of(curve: Curve, at_start: bool) -> Entry:
     return Entry(f"{curve.name} {'start' if at_start else 'end'}", place, unit(onward - place), radius)
 
 
+def free_ends(curves: List[Curve]) -> List[Tuple[int, bool]]:
+    """Ends that lie on no other curve, as the number of the curve and True for its start; that of the first one first."""
+    tree = need("scipy.spatial").cKDTree
+    fine = [resampled(curve.points, _JOINED_MM / 4) for curve in curves]
+    every = tree(np.vstack(fine))
+    owner = np.repeat(np.arange(len(curves)), [len(points) for points in fine])
+    out = []
+    for k, curve in enumerate(curves):
+        for at_start, end in ((True, curve.points[0]), (False, curve.points[-1])):
+            if (owner[every.query_ball_point(end, _JOINED_MM)] == k).all():
+                out.append((k, at_start))
+    return out
+
+
 def entries_of(curves: List[Curve]) -> List[Entry]:
-    """Entries at the root and at each tip, the root first."""
-    return [entry_of(curves[0], True), *(entry_of(curve, False) for curve in curves)]
+    """Entries at all free ends, with that of the blood first."""
+    return [entry_of(curves[k], at_start) for k, at_start in _inlet_first(curves) or [(0, True)]]
 
 
-def first_entry(entries: List[Entry]) -> Entry:
-    """The lowest tip other than the root with room for a 0.014-inch wire, or the root."""
-    wide = [entry for entry in entries[1:] if entry.radius_mm > _ROOM * 0.4445]
-    return min(wide, key=lambda entry: float(entry.point_mm[2])) if wide else entries[0]
+def _inlet_first(curves: List[Curve]) -> List[Tuple[int, bool]]:
+    """Free ends. The first is where the blood enters: the root if it is free, or the widest one.
+
+    The root is not free in a ring, and where given curves begin at a branch.
+    """
+    free = free_ends(curves)
+    if (0, True) not in free:
+        free.sort(key=lambda end: -entry_of(curves[end[0]], end[1]).radius_mm)
+    return free
+
+
+def size_facts(curves: List[Curve]) -> List[str]:
+    """A sentence if the vessel is too wide for an artery."""
+    widest = max(float(np.median(curve.radii)) for curve in curves)
+    if widest <= _WIDEST_MM:
+        return []
+    return [f"Half of a centerline has a radius above {widest:.1f} mm, more than an aorta; check the unit of the file."]
+
+
+def first_entry(entries: List[Entry], notes: Optional[List[str]] = None) -> Entry:
+    """The lowest tip other than the root with room for a 0.035-inch wire, or the widest. Raises Error if no wire fits.
+
+    `notes` gets a sentence if the choice was close.
+    """
+    wide = [entry for entry in entries[1:] if entry.radius_mm > _ROOM * _THICK_MM]
+    if not wide:
+        widest = max(entries, key=lambda entry: entry.radius_mm)
+        if widest.radius_mm < _ROOM * _THIN_MM:
+            raise Error(
+                f"the widest end of the vessel has a radius of {widest.radius_mm:.2f} mm, and the thinnest wire needs "
+                f"{_ROOM * _THIN_MM:.2f} mm; check the unit of the file"
+            )
+        return widest
+    best = wide[lowest(np.array([entry.point_mm for entry in wide]))]
+    level = [one for one in wide if float(one.point_mm[2] - best.point_mm[2]) <= LEVEL_MM]
+    if len(level) > 1 and notes is not None:
+        notes.append(
+            f"Entry: {len(level)} ends are equally low, within {LEVEL_MM:g} mm: {', '.join(one.name for one in level)}. The "
+            f"rightmost was taken, {best.name}; --entry chooses another one."
+        )
+    return best
 
 
 def entry_at(entries: List[Entry], place: Any) -> Entry:
@@ -89,8 +146,13 @@ def bend_of_tip(direction: Any, anterior: Any = ANTERIOR, left: Any = LEFT) -> T
     return float(size * (across @ first)), float(size * (across @ np.cross(direction, first)))
 
 
+def _text(value: Any, digits: int) -> str:
+    """A number with so many digits, and 0 without a sign."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"
+
+
 def _list(values: Any, digits: int = 2) -> str:
-    return "[" + ", ".join(f"{float(value):.{digits}f}" for value in values) + "]"
+    return "[" + ", ".join(_text(value, digits) for value in values) + "]"
 
 
 def _target(curves: List[Curve], entry: Entry) -> Optional[Tuple[Curve, float]]:
@@ -104,12 +166,12 @@ def _target(curves: List[Curve], entry: Entry) -> Optional[Tuple[Curve, float]]:
 
 def is_thick(entry: Entry) -> bool:
     """True if a 0.035-inch wire fits an entry."""
-    return entry.radius_mm > _ROOM * 0.4445 * 1.5
+    return entry.radius_mm > _ROOM * _THICK_MM * 1.5
 
 
 def wire_text(thick: bool, direction: Any, length_mm: float, anterior: Any = ANTERIOR, left: Any = LEFT) -> str:
     """Table of the wire, which enters in a direction of the vessel's file."""
-    radius, rigidity = (0.4445, "1, 1, 1, 100, 300") if thick else (_THIN_MM, "0.2, 0.2, 0.2, 3, 30")
+    radius, rigidity = (_THICK_MM, "1, 1, 1, 100, 300") if thick else (_THIN_MM, "0.2, 0.2, 0.2, 3, 30")
     one, two = bend_of_tip(direction, anterior, left)
     return f"""# {'A 0.035-inch' if thick else 'A 0.014-inch'} wire, which fits the entry. Rigidity: as in the scene {'neuro_arch' if thick else 'coronary'}.
 [[instrument]]
@@ -120,16 +182,39 @@ radius_mm = {radius}
 from_tip_mm = [0, {_TIP_MM:g}, {_TIP_MM:g}, 80, 150]
 rigidity_N_mm2 = [{rigidity}]
 # A tip of {_TIP_MM:g} mm, bent by {_TIP_DEG:g} degrees; at a rotation of 0 it points to the patient's front.
-curvature_1_per_mm = [{one:.6f}, {one:.6f}, 0, 0, 0]
-curvature_2_per_mm = [{two:.6f}, {two:.6f}, 0, 0, 0]
+curvature_1_per_mm = [{_text(one, 6)}, {_text(one, 6)}, 0, 0, 0]
+curvature_2_per_mm = [{_text(two, 6)}, {_text(two, 6)}, 0, 0, 0]
+"""
+
+
+def _flow_text(curves: List[Curve]) -> str:
+    """Tables of the blood flow and the contrast agent."""
+    free = _inlet_first(curves)
+    if len(free) < 2:
+        return ""
+    curve, at_start = curves[free[0][0]], free[0][1]
+    root = float(np.median((curve.radii if at_start else curve.radii[::-1])[:10]))
+    flow = min(_AORTA_ML_S, max(_LEAST_ML_S, _AORTA_ML_S * (root / _AORTA_MM) ** 3))
+    end = "" if at_start else 'inlet_end = "end"\n'
+    if free[0] != (0, True):
+        end = f"# The widest free end; the start of {curves[0].name} is joined to other curves.\n{end}"
+    return f"""# Outlets by Murray's law at all free ends but the inlet.
+[effects.flow]
+inlet = "{curve.name}"
+{end}# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, scaled by the cube of the radius. The median over the first 10
+# mm is {root:.2f} mm.
+inlet_mL_s = {flow:.3f}
+
+[effects.contrast]
+# A quarter of the flow, at least 1 mL/s.
+rate_mL_s = {max(1.0, flow / 4):.2f}
+at = "tip"
 """
 
 
 def scene_text(name: str, origin: str, curves: List[Curve], entry: Entry, body: str = "") -> str:
     """The scene as TOML, in which each number has its origin as a comment. `body`: keys of the X-ray picture's body."""
     thinnest = min(float(curve.radii.min()) for curve in curves)
-    root = float(np.median(curves[0].radii[:10]))
-    flow = min(_AORTA_ML_S, _AORTA_ML_S * (root / _AORTA_MM) ** 3)
     length = sum(float(curve.lengths_mm()[-1]) for curve in curves)
     middle = np.vstack([curve.points for curve in curves])
     center = (middle.min(axis=0) + middle.max(axis=0)) / 2
@@ -173,18 +258,7 @@ coefficient = 0.08
 # A wire that reaches the end of the vessel leaves the model there.
 [effects.outlets]
 
-# Outlets by Murray's law at all free ends but the inlet.
-[effects.flow]
-inlet = "{curves[0].name}"
-# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, scaled by the cube of the radius. The median over the first 10
-# mm is {root:.2f} mm.
-inlet_mL_s = {flow:.3f}
-
-[effects.contrast]
-# A quarter of the flow, at least 1 mL/s.
-rate_mL_s = {max(1.0, flow / 4):.2f}
-at = "tip"
-
+{_flow_text(curves)}
 [effects.fluoroscopy]
 # Middle of the centerlines.
 isocenter_mm = {_list(center)}
@@ -199,8 +273,8 @@ threshold_mN = 150
 [effects.assessment]
 target_centerline = "{target[0].name}"
 target_at_mm = {target[1]:.1f}
-# Half more than the radius there.
-target_radius_mm = {max(1.0, 1.5 * float(np.interp(target[1], target[0].lengths_mm(), target[0].radii))):.2f}
+# Half more than the radius there, within 1 to {_MOST_TARGET_MM:g} mm.
+target_radius_mm = {min(_MOST_TARGET_MM, max(1.0, 1.5 * float(np.interp(target[1], target[0].lengths_mm(), target[0].radii)))):.2f}
 force_limit_mN = 300
 """
     return text

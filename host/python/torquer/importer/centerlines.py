@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from .._polyline import arcs_of, resampled
 from ..export import slicer_curve
-from ._base import Error, Points, need
+from ._base import Error, Points, as_text, need
 from .surface import Mesh
 
 Floats = npt.NDArray[np.float64]
@@ -39,11 +39,16 @@ _MOST_CURVES = 200
 _ROUNDS, _PUSH, _SMOOTHING = 80, 0.3, 0.35
 STEP_MM = 1.0
 """Distance of a curve's points."""
+LEVEL_MM = 2.0
+"""Tips whose heights differ by less are equally low."""
 # A branch lies on its parent's line within this share of its radius.
 _ON_LINE = 0.25
 # A path ends in a corner of a flat end. Its end is cut where the radius is below this share of that before.
 _END_SHARE = 0.75
 _ROOT_MM = 20.0
+# Tips this near to the widest are as wide as it. Sampling changes the means by less.
+_AS_WIDE = 0.95
+_NO_LINE = "no centerline was found in the surface; is it a vessel longer than it is wide?"
 
 
 @dataclasses.dataclass
@@ -209,19 +214,47 @@ def _is_branch(graph: _Graph, path: Indices, kept: Indices) -> bool:
     return length > max(_LEAST_RADII * float(radii[outside].max()), _LEAST_MM)
 
 
-def _root(graph: _Graph) -> int:
-    """Tip of the widest vessel: the largest mean radius over its last 20 mm."""
+def _tips(graph: _Graph) -> Tuple[Indices, Floats]:
+    """Nodes at the tips of all branches, and the mean radius of each branch over its last 20 mm."""
+    if not graph.is_deep.any():
+        raise Error(_NO_LINE)
     widest = int(np.where(graph.is_deep, graph.radii, 0).argmax())
     _, lengths = graph.tree(widest)
     # The farthest place is a tip, and so the ways from it end in all the others.
     found = _branches(graph, int(np.where(graph.is_deep, lengths, -1).argmax()))
-    best, root = -1.0, 0
-    for path in [found[0][0][::-1], *(path for path, _ in found)]:
+    if not found:
+        raise Error(_NO_LINE)
+    paths = [found[0][0][::-1], *(path for path, _ in found)]
+    means = []
+    for path in paths:
         back = np.linalg.norm(graph.points[path] - graph.points[path[-1]], axis=1)
-        mean = float(graph.radii[path][(back < _ROOT_MM) & (back >= min(5.0, back.max() / 2))].mean())
-        if mean > best:
-            best, root = mean, int(path[-1])
-    return root
+        last = (back < _ROOT_MM) & (back >= min(5.0, back.max() / 2))
+        means.append(float(graph.radii[path][last if last.any() else slice(None)].mean()))
+    return np.array([path[-1] for path in paths], np.intp), np.array(means)
+
+
+def _root(graph: _Graph, root_mm: Optional[Any], notes: List[str]) -> int:
+    """Tip nearest to a place; default: that of the widest vessel."""
+    tips, means = _tips(graph)
+    if root_mm is not None:
+        return int(tips[np.linalg.norm(graph.points[tips] - np.asarray(root_mm, float), axis=1).argmin()])
+    wide = np.flatnonzero(means >= _AS_WIDE * means.max())
+    best = wide[lowest(graph.points[tips[wide]])]
+    if len(wide) > 1:
+        notes.append(
+            f"Root: {len(wide)} tips are about as wide ({means[wide].min():.2f} to {means[wide].max():.2f} mm). The lowest was "
+            f"taken, {as_text(graph.points[tips[best]])} mm; --root chooses another one."
+        )
+    return int(tips[best])
+
+
+def lowest(points: Points) -> int:
+    """Number of the lowest point; among those up to LEVEL_MM above it, the one farthest to the patient's right.
+
+    So noise does not choose between the tips of symmetric vessels.
+    """
+    level = np.flatnonzero(points[:, 2] <= points[:, 2].min() + LEVEL_MM)
+    return int(level[points[level, 0].argmin()])
 
 
 def _centered(points: Points, wall: Any, wall_points: Points) -> Points:
@@ -278,19 +311,15 @@ def clamp(radii: Floats, points: Points, parent: Curve) -> Floats:
     return out
 
 
-def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
-    """Centerlines of a closed surface whose triangles face outward.
+def find(mesh: Mesh, root_mm: Optional[Any] = None, notes: Optional[List[str]] = None) -> List[Curve]:
+    """Centerlines of a closed surface of one part whose triangles face outward.
 
-    root_mm: the first curve begins at the tip nearest to this point; default: the tip of the widest vessel. Raises
-    Error if the surface encloses no lumen.
+    root_mm: the first curve begins at the tip nearest to this point; default: the tip of the widest vessel. `notes` gets
+    sentences about a choice that was close. Raises Error if the surface encloses no lumen.
     """
     points, normals = sample(mesh, _step_mm(mesh))
     graph = _Graph(points, normals)
-    if root_mm is None:
-        root = _root(graph)
-    else:
-        deep = np.flatnonzero(graph.is_deep)
-        root = int(deep[np.linalg.norm(graph.points[deep] - np.asarray(root_mm, float), axis=1).argmin()])
+    root = _root(graph, root_mm, [] if notes is None else notes)
     wall_points = wall_of(mesh)
     wall = need("scipy.spatial").cKDTree(wall_points)
     curves: List[Curve] = []
@@ -319,7 +348,7 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None) -> List[Curve]:
         kept.append(len(curves))
         curves.append(Curve(f"c{len(curves):02}", line, np.maximum(radii, 0.05), above))
     if not curves:
-        raise Error("no centerline was found in the surface; is it a vessel longer than it is wide?")
+        raise Error(_NO_LINE)
     return curves
 
 

@@ -79,7 +79,7 @@ def reference(truth: Truth, step_mm: float) -> Vessel:
         values[k] = np.clip(0.5 + truth.depth_mm(points) / (4 * step_mm), 0, 1).reshape(j.shape)
     affine = np.diag([step_mm] * 3 + [1.0])
     affine[:3, 3] = low
-    curves = centerlines.find(surface.decimate(surface.isosurface(values, 0.5, affine)))
+    curves = centerlines.find(surface.decimate(surface.chosen(surface.isosurface(values, 0.5, affine))[0]))
     return Vessel(tables_of(truth.scene.text), truth.scene.folder, curves, truth)
 
 

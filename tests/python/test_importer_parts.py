@@ -1,0 +1,207 @@
+"""Cases from rings, from vessels of several parts, with near ties between their ends, and inputs that are no vessels."""
+
+import pathlib
+import re
+import tomllib
+
+import numpy as np
+import pytest
+import torquer
+from torquer.importer import _given, case, centerlines, scan, surface
+from torquer.importer.__main__ import _findings, arguments_of, import_case
+from torquer.importer.centerlines import Curve
+
+KEYS = pathlib.Path(__file__).parents[2] / "host/scenes/README.md"
+# Two legs, equally low and as wide as the trunk above them: start, end and radius in mm.
+LEGS = [((0, 0, 27), (0, 0, 49), 3.0), ((0, 0, 27), (14, 0, 4), 3.0), ((0, 0, 27), (-14, 0, 4), 3.0)]
+LONG, SHORT = ((6, 6, 6), (6, 6, 40), 3.0), ((20, 6, 6), (20, 6, 26), 2.5)
+
+
+def depth(points, tube):
+    a, b = (np.array(end, float) for end in tube[:2])
+    share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return tube[2] - np.linalg.norm(points - a - share[..., None] * (b - a), axis=-1)
+
+
+def grid(*counts):
+    """Places of voxels of 1 mm, of the shape (slices, rows, columns, 3)."""
+    k, j, i = np.meshgrid(*(np.arange(n) for n in counts), indexing="ij")
+    return np.stack([i, j, k], -1).astype(float)
+
+
+def label_file(path, inside, number=1):
+    scan.write_nifti(path, (number * inside).astype(np.uint8), np.eye(4))
+    return path
+
+
+def imported(path, *words):
+    """Runs the import; its report."""
+    return import_case(arguments_of([str(path), *words, "--out", str(path.parent / "case")]))
+
+
+def test_a_ring_becomes_a_case_that_runs(tmp_path):
+    off = grid(12, 32, 32) - [16, 16, 6]
+    ring = np.hypot(np.hypot(off[..., 0], off[..., 1]) - 10, off[..., 2]) < 4
+    imported(label_file(tmp_path / "ring.nii.gz", ring), "--label", "1")
+    scene = torquer.Scene(str(tmp_path / "case/case.toml"))
+    assert "flow" in scene.effects
+    lines = [scene.centerline_mm(name) - [16, 16, 6] for name in scene.centerlines]
+    assert all(np.abs(np.hypot(line[:, 0], line[:, 1]) - 10).max() < 2 for line in lines)
+    length = sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines)
+    assert 0.8 < length / (2 * np.pi * 10) < 1.05
+    assert torquer.Simulation(scene).step(0.1, [[1, 0]]).converged
+
+
+def curve(name, start, end, radius, parent=None):
+    points = np.linspace(start, end, 60)
+    return Curve(name, points, np.full(60, float(radius)), parent)
+
+
+def test_the_blood_enters_at_a_free_end():
+    trunk, left = curve("c00", (0, 0, 0), (0, 0, 60), 3), curve("c01", (0, 0, 30), (40, 0, 30), 2, 0)
+    assert [one.name for one in case.entries_of([trunk, left])] == ["c00 start", "c00 end", "c01 end"]
+    assert 'inlet = "c00"\n#' in case.scene_text("a", "a", [trunk, left], case.entry_of(trunk, True))
+    # Two curves from one place, as in a ring or with given lines.
+    wide = curve("c01", (0, 0, 0), (0, 40, 0), 4, 0)
+    assert [one.name for one in case.entries_of([trunk, wide])] == ["c01 end", "c00 end"]
+    flow = tomllib.loads(case.scene_text("a", "a", [trunk, wide], case.entry_of(wide, False)))["effects"]["flow"]
+    assert (flow["inlet"], flow["inlet_end"]) == ("c01", "end")
+    # An end that lies on another curve is an outlet for neither blood nor wires.
+    back = curve("c01", (0, 0, 30), (0.3, 0, 50), 2, 0)
+    assert [one.name for one in case.entries_of([trunk, back])] == ["c00 start", "c00 end"]
+
+
+def test_numbers_of_a_scene_are_within_the_limits_of_its_keys():
+    limits = {
+        name: (float(low), float(high))
+        for name, low, high in re.findall(r"^\| `([\w.]+)` \| number from (\S+) to (\S+) \|", KEYS.read_text(), re.M)
+    }
+    checked = set()
+    for scale in (0.005, 1, 15):
+        curves = [curve("c00", (0, 0, 0), (0, 0, 60), 4 * scale), curve("c01", (0, 0, 30), (40, 0, 30), 3 * scale, 0)]
+        tables = tomllib.loads(case.scene_text("a", "a", curves, case.entry_of(curves[0], True)))
+        for table in [tables["vessel"], *tables["effects"].values()]:
+            for key, value in table.items():
+                if key in limits:
+                    low, high = limits[key]
+                    assert low <= value <= high, (scale, key, value)
+                    checked.add(key)
+    assert {"target_radius_mm", "inlet_mL_s", "rate_mL_s", "voxel_mm"} <= checked
+    assert case.size_facts([curve("c00", (0, 0, 0), (0, 0, 60), 24)]) == []
+    assert "radius above 39.0 mm, more than an aorta" in case.size_facts([curve("c00", (0, 0, 0), (0, 0, 60), 39)])[0]
+
+
+def test_no_number_is_a_negative_zero():
+    text = case.wire_text(True, np.array([0, 0, -1.0]), 100) + case._list([-1e-9, -0.004, 0.004])
+    assert not re.search(r"-0\.0+\b", text) and "0.000000" in text
+
+
+def test_a_part_that_is_left_out_is_named_and_can_be_chosen(tmp_path):
+    points = grid(46, 13, 27)
+    path = label_file(tmp_path / "two.nii.gz", (np.maximum(depth(points, LONG), depth(points, SHORT)) > 0), 4)
+    # A cylinder with two half balls.
+    true_ml = np.pi * 2.5**2 * (20 + 4 / 3 * 2.5) / 1000
+    said = imported(path, "--label", "4")
+    found = re.search(r"1 part without connection to the vessel of \S+ mL: (\S+) mL at \((\S+), (\S+), (\S+)\) mm", said)
+    ml, place = float(found[1]), np.array(found.groups()[1:], float)
+    assert abs(ml / true_ml - 1) < 0.1 and abs(depth(place, SHORT)) < 0.8 and "--root" in said
+    report = (tmp_path / "case/report.txt").read_text()
+    assert found[0] in report and re.search(r"^Label 4: \d\.\d\d mL\.$", report, re.M)
+
+    def lies_in(tube):
+        for points in (surface.from_stl(tmp_path / "case/surface.stl").points, centerlines.read(tmp_path / "case/centerlines")[0].points):
+            assert depth(points, tube).min() > -1
+
+    lies_in(LONG)
+    (tmp_path / "case").rename(tmp_path / "first")
+    imported(path, "--label", "4", "--root=20,6,26")
+    lies_in(SHORT)
+
+
+def test_parts_of_a_surface():
+    points = grid(46, 13, 27)
+    # A hollow within the long tube, which faces inward, is no part. Neither is noise.
+    inside = np.maximum(depth(points, LONG), depth(points, SHORT)) / 2
+    inside[25:27, 5:8, 5:8] = -0.5
+    inside[40, 6, 20] = 0.01
+    mesh = surface.isosurface(np.clip(0.5 + inside, 0, 1).astype(np.float32), 0.5, np.eye(4))
+    found = surface.parts(mesh)
+    assert len(found) == 3 and [len(one.points) > 100 for one in found] == [True, True, False]
+    assert depth(found[0].points, LONG).min() > -1 and depth(found[1].points, SHORT).min() > -1
+    kept, facts = surface.chosen(mesh, (20, 6, 26))
+    assert depth(kept.points, SHORT).min() > -1 and "1 part without" in facts[0]
+    assert surface.chosen(found[0]) == (found[0], [])
+
+
+def test_a_surface_of_two_parts_has_the_curves_of_one(tmp_path):
+    points = grid(46, 13, 27)
+    inside = np.maximum(depth(points, LONG), depth(points, SHORT))
+    surface.write_stl(tmp_path / "two.stl", surface.isosurface(np.clip(0.5 + inside / 2, 0, 1).astype(np.float32), 0.5, np.eye(4)))
+    (tmp_path / "lines").mkdir()
+    centerlines.write(tmp_path / "lines/short", [Curve("c00", np.linspace(SHORT[0], SHORT[1], 20), np.full(20, 2.0), None)])
+    assert "Left out: 1 part" in imported(tmp_path / "two.stl", "--mesh-unit", "mm", "--centerlines", str(tmp_path / "lines/short"))
+    assert depth(surface.from_stl(tmp_path / "case/surface.stl").points, SHORT).min() > -1
+
+
+def test_what_is_no_vessel_is_refused(tmp_path):
+    ball = label_file(tmp_path / "ball.nii.gz", np.linalg.norm(grid(30, 30, 30) - 15, axis=-1) < 11, 3)
+    for words, said in [
+        (["--label", "3"], r"ball\.nii\.gz: no centerline was found in the surface"),
+        (["--label", "3", "--root=1,2,3"], r"ball\.nii\.gz: no centerline was found in the surface"),
+        (["--label", "0"], r"--label 0: is the background; labels in \S+ball\.nii\.gz: 3"),
+        (["--label", "5"], r"--label 5: no voxel of \S+ has this value; labels in \S+: 3"),
+    ]:
+        with pytest.raises(torquer.Error, match=said):
+            imported(ball, *words)
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.nii.gz"]
+
+
+def test_a_case_that_the_simulator_refuses_is_explained_by_the_input(tmp_path):
+    (tmp_path / "q.toml").write_text('name = "q"\n')
+    arguments = arguments_of(["vessel.stl", "--mesh-unit", "cm", "--out", "q"])
+    with pytest.raises(torquer.Error, match=r"^vessel\.stl: .* Check --mesh-unit.*--root and --entry.* It says: q\.toml:1: vessel") as caught:
+        _findings(tmp_path, "q", arguments)
+    assert str(tmp_path) not in str(caught.value)
+    with pytest.raises(torquer.Error, match="the widest end of the vessel has a radius of 0.30 mm, and the thinnest wire needs 0.36"):
+        case.first_entry(case.entries_of([curve("c00", (0, 0, 0), (0, 0, 60), 0.3)]))
+
+
+def test_planes_are_decimated_without_fans():
+    mesh = surface.isosurface(np.ones((40, 40, 40), np.float32), 0.5, np.eye(4))
+    fewer = surface.decimate(mesh, 3000)
+    assert abs(fewer.volume_mm3() / mesh.volume_mm3() - 1) < 1e-3
+    # Collapses spread over a plane, since a point that gathers them makes the time grow with the square.
+    assert len(fewer.triangles) < 3100 and np.bincount(fewer.triangles.ravel()).max() < 25
+
+
+def test_the_order_of_a_file_chooses_no_end():
+    points = grid(54, 10, 38) - [19, 5, 0]
+    inside = np.max([depth(points, tube) for tube in LEGS], axis=0)
+    affine = np.eye(4)
+    affine[:2, 3] = (-19, -5)
+    mesh = surface.smooth(surface.isosurface(np.clip(0.5 + inside / 2, 0, 1).astype(np.float32), 0.5, affine))
+    ordered = surface.in_order(mesh)
+    for turn in (1, 2):
+        random = np.random.default_rng(turn)
+        order, to = random.permutation(len(mesh.triangles)), random.permutation(len(mesh.points))
+        points = np.empty_like(mesh.points)
+        points[to] = mesh.points
+        same = surface.in_order(surface.Mesh(points, np.roll(to[mesh.triangles[order]], turn, axis=1)))
+        assert (same.corners() == ordered.corners()).all()
+    assert abs(same.volume_mm3() - mesh.volume_mm3()) < 1e-6
+    notes = []
+    curves = centerlines.find(same, None, notes)
+    # All three are as wide; the legs are lowest. The right one has the root, so the wire enters the left one.
+    assert np.linalg.norm(curves[0].points[0] - LEGS[2][1]) < 4
+    entry = case.first_entry(case.entries_of(curves), notes)
+    assert depth(entry.point_mm, LEGS[1]) > 2 and entry.point_mm[0] > 6
+    assert len(notes) == 1 and notes[0].startswith("Root: 3 tips are about as wide (") and "--root" in notes[0]
+
+
+def test_equally_low_ends_are_named():
+    entries = [case.Entry(f"c0{n} end", np.array([x, 0, z]), np.eye(3)[2], 3.0) for n, (x, z) in enumerate([(0, 90), (8, 0), (-7, 1.5), (-20, 9)])]
+    notes = []
+    assert case.first_entry(entries, notes).name == "c02 end"
+    assert notes == [
+        "Entry: 2 ends are equally low, within 2 mm: c01 end, c02 end. The rightmost was taken, c02 end; --entry chooses another one."
+    ]
