@@ -266,6 +266,61 @@ def test_refused_series(angiography, tmp_path):
     assert "interleaved" in refusal("twice", interleave)
 
 
+def changed(folder, k, **fields):
+    """Changes fields of the slice at a number from below; None removes one."""
+    path = sorted(folder.iterdir(), key=lambda path: float(pydicom.dcmread(path).ImagePositionPatient[2]))[k]
+    data = pydicom.dcmread(path)
+    for name, value in fields.items():
+        if value is None:
+            delattr(data, name)
+        else:
+            setattr(data, name, value)
+    data.save_as(path)
+
+
+def test_stacks_under_one_uid_are_refused(angiography, tmp_path):
+    values = np.ascontiguousarray(angiography[0][:6, :20, :30])
+
+    def two_stacks(offset_mm, numbers):
+        """Stacks of 0.8 mm beside each other; numbers: InstanceNumber of the slices from below."""
+        folder = tmp_path / f"{offset_mm}_{len(list(tmp_path.iterdir()))}"
+        for n in (1, 2):
+            write_series(folder, values, number=n, SeriesInstanceUID="1.2.3.1")
+        for n in (1, 2):
+            for k in range(6):
+                path = folder / f"{n}_{6 - k:03}.dcm"
+                data = pydicom.dcmread(path)
+                data.ImagePositionPatient = [-40, -40, 0.8 * k + (n - 1) * offset_mm]
+                if numbers:
+                    data.InstanceNumber = numbers(n, k)
+                data.save_as(path)
+        return folder
+
+    # Uneven steps; every second place free; steps of half the size, with the numbers of two stacks.
+    for folder in (
+        two_stacks(0.3, None), two_stacks(0.8 / 3, None), two_stacks(0.4, lambda n, k: k + 1), two_stacks(0.4, lambda n, k: 6 * n + k)
+    ):
+        with pytest.raises(torquer.Error, match="interleaved, such as two phases"):
+            scan.read(folder)
+    # One stack that counts on along its places, down or in steps of 2.
+    for numbers in (None, lambda n, k: 2 * k + n, lambda n, k: 40 - 2 * k - n, lambda n, k: 4 * k + 2 * n, lambda n, k: 7):
+        assert scan.read(two_stacks(0.4, numbers)).values.shape[0] == 12
+
+
+def test_a_slice_unlike_the_others_is_refused(angiography, tmp_path):
+    values = np.ascontiguousarray(angiography[0][:6, :20, :30])
+    for k, (fields, said) in enumerate([
+        ({"PixelSpacing": [0.5, 0.8]}, r"1_004.dcm: has pixels of 0.5 x 0.8 mm \(PixelSpacing\), and 1_006.dcm has 0.8 x 0.8 mm"),
+        ({"ImagePositionPatient": [-40, -39, 1.6]}, r"1_004.dcm: its ImagePositionPatient lies 1.00 mm beside the line"),
+        ({"RescaleIntercept": None}, r"1_004.dcm: RescaleIntercept is missing, so its values are no Hounsfield units"),
+        ({"RescaleSlope": None}, r"1_004.dcm: RescaleSlope is missing"),
+    ]):
+        write_series(tmp_path / str(k), values)
+        changed(tmp_path / str(k), 2, **fields)
+        with pytest.raises(torquer.Error, match=said):
+            scan.read(tmp_path / str(k))
+
+
 def test_refused_seeds(angiography, imported):
     for seed, said in [("0,0,300", "outside the scan"), ("30,30,30", "no contrast agent"), ("0,-11,30", "bone"), ("1,2", "give left")]:
         done = run(imported / "scan.nii.gz", f"--seed={seed}", "--out", imported / "refused")

@@ -13,6 +13,12 @@ from .scan import MOST_VOXELS, Scan, as_int16
 _MOST_FILES = 20_000
 # Deviation of a slice from its place in an even stack: share of the step between slices.
 _UNEVEN = 0.1
+# If more steps than this share are long, each second slice is from another stack, and none is missing.
+_MOST_MISSING = 0.25
+# Stacks that may be interleaved under one UID, such as the phases of a heart.
+_MOST_STACKS = 4
+# Deviation of a slice from the line through the others: share of a pixel.
+_SHIFTED = 0.5
 
 
 def _header(path: pathlib.Path) -> Any:
@@ -79,6 +85,11 @@ def _refuse_kinds(files: List[Any]) -> None:
             raise Error(f"{path}: is a color picture (RGB), as of a report; give the series of the CT itself")
         if int(header.get("NumberOfFrames", 1) or 1) != 1:
             raise Error(f"{path}: holds several frames (enhanced CT); convert it to NIfTI, as with dcm2niix")
+        for name in ("RescaleIntercept", "RescaleSlope"):
+            if header.get(name) is None:
+                raise Error(
+                    f"{path}: {name} is missing, so its values are no Hounsfield units; export the series again from the archive"
+                )
         for name in ("Rows", "Columns"):
             if header[name].value != first[name].value:
                 raise Error(f"{path}: has another size than {files[0][0]}; export the series alone")
@@ -100,10 +111,12 @@ def read_series(folder: pathlib.Path, number: Optional[int]) -> Scan:
     order = np.argsort(places @ along, kind="stable")
     places, files = places[order], [files[k] for k in order]
     _refuse_uneven(folder, files, places @ along)
+    _refuse_stacks(folder, files)
+    spacing = _same_spacing(files)
+    _refuse_shifted(files, places - np.outer(places @ along, along), _SHIFTED * float(spacing.min()))
     rows, columns = int(first.Rows), int(first.Columns)
     if rows * columns * len(files) > MOST_VOXELS:
         raise Error(f"{folder}: has {rows * columns * len(files)} voxels, more than {MOST_VOXELS}; crop it in 3D Slicer")
-    spacing = _value(path, first, "PixelSpacing", 2)
     affine = np.eye(4)
     affine[:3, 0], affine[:3, 1] = turn[:3] * spacing[1], turn[3:] * spacing[0]
     affine[:3, 2] = (places[-1] - places[0]) / (len(files) - 1)
@@ -124,17 +137,64 @@ def read_series(folder: pathlib.Path, number: Optional[int]) -> Scan:
 def _refuse_uneven(folder: pathlib.Path, files: List[Any], heights: Any) -> None:
     steps = np.diff(heights)
     usual = float(np.median(steps))
-    for k, step in enumerate(steps):
-        if step < (1 - _UNEVEN) * usual or usual < 1e-3:
+    short, long_ = steps < (1 - _UNEVEN) * usual, steps > (1 + _UNEVEN) * usual
+    if usual < 1e-3 or short.any() or long_.mean() > _MOST_MISSING:
+        k = int(steps.argmin())
+        raise Error(
+            f"{folder}: {files[k][0].name} and {files[k + 1][0].name} lie {steps[k]:.3f} mm apart, others {steps.max():.3f} mm: "
+            "two series are interleaved, such as two phases; export one of them"
+        )
+    if long_.any():
+        k = int(np.argmax(long_))
+        raise Error(
+            f"{folder}: between {files[k][0].name} and {files[k + 1][0].name} are {steps[k]:.3f} mm, elsewhere {usual:.3f} mm: a "
+            "slice is missing; copy the series again"
+        )
+
+
+def _refuse_stacks(folder: pathlib.Path, files: List[Any]) -> None:
+    """Refuses stacks that together have even steps, by the numbers of their slices: each second one counts on."""
+    try:
+        numbers = np.array([int(header["InstanceNumber"].value) for _, header in files])
+    except (KeyError, TypeError, ValueError):
+        return
+    for stacks in range(2, _MOST_STACKS + 1):
+        if len(numbers) < 3 * stacks:
+            return
+        steps = numbers[stacks:] - numbers[:-stacks]
+        # One stack alone counts on by the number of stacks.
+        if steps[0] != 0 and (steps == steps[0]).all() and len(np.unique(np.diff(numbers))) > 1:
             raise Error(
-                f"{folder}: {files[k][0].name} and {files[k + 1][0].name} lie {step:.3f} mm apart, others {usual:.3f} mm: two "
-                "series are interleaved, such as two phases; export one of them"
+                f"{folder}: {files[0][0].name} and {files[1][0].name} lie next to each other, but are slices {numbers[0]} and "
+                f"{numbers[1]}: {stacks} series are interleaved, such as two phases; export one of them"
             )
-        if step > (1 + _UNEVEN) * usual:
+
+
+def _same_spacing(files: List[Any]) -> Any:
+    """PixelSpacing of all slices."""
+    spacing = _value(files[0][0], files[0][1], "PixelSpacing", 2)
+    for path, header in files:
+        other = _value(path, header, "PixelSpacing", 2)
+        if np.abs(other / spacing - 1).max() > 1e-3:
             raise Error(
-                f"{folder}: between {files[k][0].name} and {files[k + 1][0].name} are {step:.3f} mm, elsewhere {usual:.3f} mm: a "
-                "slice is missing; copy the series again"
+                f"{path}: has pixels of {other[0]:g} x {other[1]:g} mm (PixelSpacing), and {files[0][0].name} has "
+                f"{spacing[0]:g} x {spacing[1]:g} mm; export one series alone"
             )
+    return spacing
+
+
+def _refuse_shifted(files: List[Any], places: Any, most_mm: float) -> None:
+    """Refuses a slice beside the line through the others, as from another reconstruction. `places`: within the slices."""
+    share = np.linspace(0, 1, len(places))[:, None]
+    off = places - places[0] - share * (places[-1] - places[0])
+    # The ends of the line may be the shifted ones.
+    off = np.linalg.norm(off - np.median(off, axis=0), axis=1)
+    k = int(off.argmax())
+    if off[k] > most_mm:
+        raise Error(
+            f"{files[k][0]}: its ImagePositionPatient lies {off[k]:.2f} mm beside the line through the other slices; export "
+            "one series alone"
+        )
 
 
 def _pixels(path: pathlib.Path) -> Any:
