@@ -67,6 +67,9 @@ def test_seeds_and_types_choose_the_arch():
             torquer.arches.draw(1, bad)
         with pytest.raises(torquer.Error, match="types are .*give"):
             torquer.arches.make(bad)
+    for seed in (-7, 1.5, "seven"):
+        with pytest.raises(torquer.Error, match=f"seed is {seed!r}; give a whole number"):
+            torquer.arches.draw(seed)
 
 
 def test_each_reset_draws_an_arch():

@@ -67,6 +67,17 @@ def test_a_series_for_paraview(states_file, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["states.jsonl", "wire", "wire.pvd"]
 
 
+def test_a_single_state_is_written(tmp_path):
+    simulation = torquer.Simulation("ty_phantom")
+    state = torquer.export.State.of(simulation)
+    assert torquer.export.write(state, tmp_path / "wire.vtp").startswith("the state at 0.0 s")
+    assert np.array_equal(np.reshape(read_vtp(tmp_path / "wire.vtp")["Points"], (-1, 3)), simulation.nodes_mm)
+    for bad, problem in ((simulation, "State.of"), (simulation.nodes_mm, "ndarray is given"), ([state, 3], "list is given"), ([], "no state")):
+        with pytest.raises(torquer.Error, match=f"other.vtp: .*{problem}"):
+            torquer.export.write(bad, tmp_path / "other.vtp")
+    assert not (tmp_path / "other.vtp").exists()
+
+
 def test_a_series_is_whole_or_not_there(states_file, tmp_path):
     (tmp_path / "wire.pvd").mkdir()
     done = convert(states_file, tmp_path / "wire.pvd")

@@ -1,13 +1,16 @@
 """Scenes, simulations and reports as Python objects: how they are made, copied and shown."""
 
 import copy
+import importlib
 import pathlib
 import pickle
+import pkgutil
 import tomllib
 
 import numpy as np
 import pytest
 import torquer
+import torquer.envs
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +55,39 @@ def test_objects_show_their_contents(phantom):
     imaging = torquer.Imaging("plain", magnification=2, left=0.1, wedge_right=(0.25, -30))
     assert repr(eval(repr(imaging), {"Imaging": torquer.Imaging})) == repr(imaging)
     assert "left=0.1" in repr(imaging)
+
+
+def test_every_public_class_shows_its_contents():
+    seen = {getattr(torquer, name) for name in torquer.__all__} | {torquer.envs.VectorEnv, torquer.envs.Task}
+    for module in pkgutil.walk_packages(torquer.__path__, "torquer."):
+        if any(part.startswith("_") for part in module.name.split(".")) or module.name.startswith("torquer.examples"):
+            continue
+        try:
+            contents = vars(importlib.import_module(module.name))
+        except torquer.Error:
+            continue  # stable-baselines3 is missing
+        seen |= {one for one in contents.values() if getattr(one, "__module__", None) == module.name}
+    classes = {one for one in seen if isinstance(one, type) and not one.__name__.startswith("_")}
+    assert {torquer.envs.NavigationEnv, torquer.envs.VectorEnv, torquer.Scene, torquer.States} < classes
+    assert not [one for one in classes if one.__repr__ is object.__repr__]
+    env = torquer.envs.make("ty_phantom")
+    assert repr(env) == "NavigationEnv(scene='ty_phantom', target=('side', 40.0), observation='vector', time_s=0.0)"
+    many = torquer.envs.VectorEnv("ty_phantom", 3, 1)
+    assert repr(many) == "VectorEnv(scene='ty_phantom', num_envs=3, observation='vector')"
+
+
+def test_devices_are_those_of_scenes(phantom):
+    folder = pathlib.Path(__file__).parents[2] / "host/devices"
+    assert torquer.device_names() == sorted(path.stem for path in folder.glob("*.toml")) != []
+    for name in torquer.device_names():
+        device = torquer.device(name)
+        assert device.kind in ("guidewire", "catheter") and device.product and device.sources[0]["citation"]
+        # The scene reads the file itself.
+        one = phantom.with_values({"instrument.guidewire.radius_mm": None, "instrument.guidewire.device": name}).instruments[0]
+        assert one.tip_radius_mm == np.atleast_1d(device.instrument["radius_mm"])[0], name
+        assert one.inner_radius_mm == device.instrument.get("inner_radius_mm", 0)
+    with pytest.raises(torquer.Error, match="no device 'sion_red'; there are: amplatz, .*sion_blue"):
+        torquer.device("sion_red")
 
 
 def test_a_scene_with_values_of_python(phantom):

@@ -1,6 +1,7 @@
 """Targets drawn at each reset, observations in dicts, and rewards and ends of the user."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -85,6 +86,47 @@ def test_observations_in_a_dict():
     for bad in ("pictures", (), ("vector", "vector"), ("vector", "map")):
         with pytest.raises(torquer.Error, match="observation is .*give 'vector', 'picture'"):
             torquer.envs.make("ty_phantom", bad)
+
+
+def test_tracking_has_the_places_in_the_picture_with_noise():
+    base = dataclasses.replace(torquer.envs.TASKS["coronary"].for_training(), max_steps=4)
+    clear = torquer.envs.make("coronary", "tracking", task=base)
+    seen, info = clear.reset(seed=3)
+    for _ in range(3):
+        seen, *_ = clear.step([1.0, 0.2])
+    simulation = clear.simulation
+    nodes_mm = simulation.instrument_nodes_mm(0)
+    points_mm = [simulation.tips_mm[0], clear.scene.route_mm(info["target"], info["target_at_mm"])[-1]]
+    places = np.reshape(seen, (-1, 2))
+    assert seen.dtype == np.float32 and places.shape == (7, 2)
+    assert places[[0, 6]] == pytest.approx(simulation.places_in_picture(points_mm), abs=1e-3)
+    # The other points lie on the wire, 5 mm apart along it.
+    line = simulation.places_in_picture(nodes_mm)
+    behind = np.linalg.norm(np.diff(nodes_mm, axis=0), axis=1)[::-1].cumsum()
+    for k in range(1, 6):
+        at = int(np.searchsorted(behind, 5.0 * k))
+        assert np.linalg.norm(places[k] - line[[-2 - at, -1 - at]], axis=1).sum() < 1.01 * np.linalg.norm(line[-2 - at] - line[-1 - at]) + 1e-3
+    noisy = dataclasses.replace(base, tracking_noise_px=2.0)
+    env = torquer.envs.make("coronary", ("tracking", "vector"), task=noisy)
+    many = torquer.envs.make_vec("coronary", 3, ("tracking", "vector"), task=noisy)
+    every, _ = many.reset(seed=2)
+    assert np.array_equal(every["tracking"][1], env.reset(seed=3)[0]["tracking"])
+    errors, env_ended = [], False
+    for _ in range(9):  # with a reset
+        every, _, ended, cut, _ = many.step(np.array([[1.0, 0.2]] * 3))
+        one = env.step([1.0, 0.2])[0] if not env_ended else env.reset()[0]
+        env_ended = bool(ended[1] or cut[1])
+        assert np.array_equal(every["tracking"][1], one["tracking"])
+        assert many.observation_space.contains(every)
+        ours = env.simulation.places_in_picture(env.simulation.tips_mm)[0]
+        errors.append(one["tracking"][:2] - ours)
+    assert 0.8 < np.std(errors) < 4 and np.abs(np.mean(errors)) < 2
+    other = pickle.loads(pickle.dumps(many))
+    assert np.array_equal(other.step(np.zeros((3, 2)))[0]["tracking"], many.step(np.zeros((3, 2)))[0]["tracking"])
+    with pytest.raises(torquer.Error, match="tracking_noise_px is -1; give a number from 0 on"):
+        torquer.envs.make("coronary", "tracking", task=dataclasses.replace(base, tracking_noise_px=-1))
+    with pytest.raises(torquer.Error, match="ty_phantom has no X-ray pictures; add .effects.fluoroscopy."):
+        torquer.envs.make("ty_phantom", "tracking")
 
 
 def test_rewards_and_ends_of_the_user():

@@ -14,7 +14,6 @@ Lengths are in mm, angles in rad, angles of the C-arm in degrees, times in s.
 """
 
 import importlib.util
-import pathlib
 
 from ._torquer import (
     Error,
@@ -31,9 +30,11 @@ from ._torquer import (
     __version__,
     check_mesh,
 )
+from ._devices import Device, device, device_names, shipped
 from .states import States, read_states
 
 __all__ = [
+    "Device",
     "Error",
     "Imaging",
     "Injector",
@@ -48,32 +49,24 @@ __all__ = [
     "__build__",
     "__version__",
     "check_mesh",
+    "device",
+    "device_names",
     "read_states",
     "scene_names",
     "scene_path",
 ]
 
 
-def _scene_folder() -> pathlib.Path:
-    package = pathlib.Path(__file__).resolve()
-    for folder in package.parents:
-        # In an installation, or in the source tree.
-        for candidate in (folder / "share/torquer/scenes", folder / "host/scenes"):
-            if candidate.is_dir():
-                return candidate
-    raise Error(f"{package}: there are no scenes beside the package; install the folder share/torquer")
-
-
 def scene_names() -> list[str]:
     """Names of the scenes that Torquer ships."""
-    return sorted(path.stem for path in _scene_folder().glob("*.toml"))
+    return sorted(path.stem for path in shipped("scenes").glob("*.toml"))
 
 
 def scene_path(name: str) -> str:
     """Path of a scene that Torquer ships."""
     if name not in scene_names():
         raise Error(f"there is no scene {name!r}; there are: {', '.join(scene_names())}")
-    return str(_scene_folder() / f"{name}.toml")
+    return str(shipped("scenes") / f"{name}.toml")
 
 
 if importlib.util.find_spec("gymnasium") is not None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from . import Error, Scene, Simulation
 from ._spaces import Box, DictSpace
 from ._torquer import FACTS, Navigation, NavigationTask
+from ._tracking import Tracker
 
 
 Target = Tuple[str, float]
@@ -48,6 +49,8 @@ class Task:
     other_targets: Tuple[Tuple[Any, ...], ...] = ()
     """More targets: pairs of a centerline and at_mm, or (centerline, lowest, highest) for a random place
     between two. Each reset draws one of all targets, with equal probability."""
+    tracking_noise_px: float = 0.0
+    """Standard deviation of each coordinate of a tracked point, pixels."""
 
     def for_training(self) -> Task:
         """Task with faster, less accurate steps: see the table in host/python/README.md."""
@@ -79,14 +82,14 @@ def whole(what: str, value: Any, lowest: int, highest: int) -> int:
     raise Error(f"{what} is {value!r}; give a whole number from {lowest} to {highest}")
 
 
-OBSERVATIONS = ("vector", "picture")
+OBSERVATIONS = ("vector", "picture", "tracking")
 
 
 def parts_of(observation: Observation) -> Tuple[str, ...]:
     """Names of the parts of an observation."""
     parts = (observation,) if isinstance(observation, str) else tuple(observation)
     if not parts or len(set(parts)) < len(parts) or any(part not in OBSERVATIONS for part in parts):
-        raise Error(f"observation is {observation!r}; give 'vector', 'picture', or ('vector', 'picture') for both in a dict")
+        raise Error(f"observation is {observation!r}; give 'vector', 'picture' or 'tracking', or some of them as a tuple for a dict")
     return parts
 
 
@@ -143,7 +146,8 @@ class Prepared:
         # Without X-ray, a view of the wire in the vessel is rendered.
         sees = "picture" in self.parts or (sees and "fluoroscopy" in given.effects)
         self.sees = sees
-        self.scene = _scene_of(given, task, sees)
+        tracks = "tracking" in self.parts
+        self.scene = _scene_of(given, task, sees or tracks)
         self.instrument = task.instrument
         self.targets = Targets(self.scene, task)
         self.route = self.targets.route((task.centerline, task.at_mm))
@@ -159,6 +163,10 @@ class Prepared:
             route=self.route,
         )
         self.navigation = Navigation(self.scene, self.task)
+        self.tracker: Optional[Tracker] = None
+        if tracks:
+            height, width = self.navigation.take_picture().shape
+            self.tracker = Tracker((width, height), task.instrument, task.tracking_noise_px)
         self.action_size = 2 * count
         self.vector_size = len(self.navigation.observe())
 
@@ -190,6 +198,8 @@ class Prepared:
             high = np.array([*points, *longest_mm, *turns], np.float32)
             low = np.array([*np.negative(points), *np.zeros(len(longest_mm)), *np.negative(turns)], np.float32)
             return Box(low, high, dtype=np.float32)
+        if part == "tracking" and self.tracker is not None:
+            return self.tracker.space()
         height, width = self.navigation.take_picture().shape
         return Box(0, 255, (height, width, 1), np.uint8)
 

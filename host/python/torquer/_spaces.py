@@ -33,6 +33,9 @@ except ImportError:
             self.high = np.broadcast_to(np.asarray(high, self.dtype), self.shape)
             self._random = np.random.default_rng()
 
+        def __repr__(self) -> str:
+            return f"Box({self.low.min()}, {self.high.max()}, {self.shape}, {self.dtype})"
+
         def seed(self, seed: Optional[int] = None) -> None:
             self._random = np.random.default_rng(seed)
 

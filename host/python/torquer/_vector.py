@@ -86,6 +86,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         self.end = end
         self._targets = prepared.targets
         self._target = [(task.centerline, float(task.at_mm))] * count
+        self._target_mm = [prepared.route[-1]] * count
+        self._tracker = prepared.tracker
         self._is_dict = prepared.is_dict
         self.single_observation_space = prepared.observation_space()
         self.single_action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
@@ -123,7 +125,10 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         )
 
     _MADE_WITH = ("scene", "num_envs", "threads", "observation", "task", "copy", "reward", "end")
-    _MEMORY = ("_begun", "_ended", "_resets", "_randoms", "_target")
+    _MEMORY = ("_begun", "_ended", "_resets", "_randoms", "_target", "_target_mm")
+
+    def __repr__(self) -> str:
+        return f"VectorEnv(scene={self.scene.name!r}, num_envs={self.num_envs}, observation={self.observation!r})"
 
     def __getstate__(self) -> Dict[str, Any]:
         if self._at_work.any():
@@ -195,7 +200,9 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         """Starts a reset of one environment."""
         rotation_rad = start_rotation(self._randoms[k], rotation_rad)
         self._target[k] = self._targets.draw(self._randoms[k], target)
-        self._pool.reset(k, rotation_rad, self._targets.route(self._target[k]))
+        route = self._targets.route(self._target[k])
+        self._target_mm[k] = route[-1]
+        self._pool.reset(k, rotation_rad, route)
         self._at_work[k] = self._resets[k] = True
 
     def step(self, actions: npt.ArrayLike) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
@@ -247,6 +254,10 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             self._wait_for_all()
             raise
         self._at_work[ids] = False
+        if self._tracker is not None:
+            for k in ids.tolist():
+                seen = self._tracker.observe(self._pool.simulation(k), self._target_mm[k], self._randoms[k])
+                self._observations["tracking"][k] = seen
         return ids
 
     def _results(self, ids: Array, stepped: bool = False) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:

@@ -134,11 +134,18 @@ def _check(types: Sequence[str]) -> None:
         raise Error(f"types are {types!r}; give a list with some of {', '.join(TYPES)}")
 
 
+def _generator(seed: Any) -> np.random.Generator:
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise Error(f"seed is {seed!r}; give a whole number from 0 on, or a numpy.random.Generator") from None
+
+
 def draw(seed: Union[int, np.random.Generator], types: Sequence[str] = TYPES) -> Scene:
     """Scene of a random arch, named after its type. The same seed and types give the same scene. Each of the types is
     equally probable."""
     _check(types)
-    random = np.random.default_rng(seed)
+    random = _generator(seed)
     kind = types[random.integers(len(types))]
     text = [f'name = "arch_{kind}"\n[vessel]\nkind = "tubes"\nwall_stiffness_N_mm2 = 5\n']
     for tube in _tubes(random, kind):

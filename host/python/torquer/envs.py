@@ -63,8 +63,10 @@ class NavigationEnv(Env):  # type: ignore[misc]
     Observations "vector", float32, in mm unless stated otherwise. They have the last points of the task's instrument,
     the next points of the route, and the target. Points are about 5 mm apart. All of these are relative to the tip of
     that instrument. Then follow the insertions, cosines and sines of the rotations of all instruments. Observations
-    "picture": the X-ray picture of [effects.fluoroscopy], shape (height, width, 1), uint8. ("vector", "picture") gives
-    both in a dict. The finite bounds of the space are valid for all motions.
+    "picture": the X-ray picture of [effects.fluoroscopy], shape (height, width, 1), uint8. Observations "tracking",
+    float32: column and row of the tip in that picture, of 5 points behind it, 5 mm apart, and of the target. The points
+    of the instrument have noise of Task.tracking_noise_px, by the seed. A tuple, as ("vector", "picture"), gives a dict.
+    The finite bounds of the space are valid for all motions.
 
     Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has "success" (the
     target was reached) and "safe_success" (success without a force above the limit). The forces of a step that did not
@@ -107,13 +109,19 @@ class NavigationEnv(Env):  # type: ignore[misc]
         self._window = Window(self.scene.name) if render_mode == "human" else None
         self._random = np.random.default_rng()
         self._target = (task.centerline, float(task.at_mm))
+        self._target_mm = prepared.route[-1]
         self._ended = False  # by the user's end
         self.action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
         self.observation_space = prepared.observation_space(1.0 if self._draw_scene is None else _ROOM)
 
+    def __repr__(self) -> str:
+        place = f"scene={self.scene.name!r}, target={self._target!r}"
+        return f"NavigationEnv({place}, observation={self.observation!r}, time_s={self.simulation.time_s!r})"
+
     def _enter(self, prepared: Prepared) -> None:
         self._navigation = prepared.navigation
         self._targets = prepared.targets
+        self._tracker = prepared.tracker
         self._view = None if prepared.sees or self.render_mode is None else WireView(self.scene)
 
     def _next_scene(self) -> None:
@@ -166,7 +174,9 @@ class NavigationEnv(Env):  # type: ignore[misc]
         self._next_scene()
         rotation_rad = start_rotation(self._random, chosen)
         self._target = self._targets.draw(self._random, chosen_target)
-        self._navigation.reset(rotation_rad, self._targets.route(self._target))
+        route = self._targets.route(self._target)
+        self._target_mm = route[-1]
+        self._navigation.reset(rotation_rad, route)
         self._ended = False
         self._show()
         return self._observe(), info_of(self._navigation.facts, self._target)
@@ -202,7 +212,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
 
     def _draw(self) -> Array:
         if self._view is not None:
-            return self._view.draw(self.simulation, self._targets.route(self._target)[-1])
+            return self._view.draw(self.simulation, self._target_mm)
         return np.repeat(self._navigation.take_picture()[:, :, None], 3, axis=2)
 
     def _show(self) -> None:
@@ -217,6 +227,8 @@ class NavigationEnv(Env):  # type: ignore[misc]
         if part == "picture":
             picture: Array = self._navigation.take_picture()[:, :, None]
             return picture
+        if part == "tracking" and self._tracker is not None:
+            return self._tracker.observe(self.simulation, self._target_mm, self._random)
         return self._navigation.observe()
 
 

@@ -325,16 +325,27 @@ def _write_series(states: Sequence[State], path: pathlib.Path) -> None:
         raise
 
 
-def write(states: Sequence[State], path: Path) -> str:
-    """Writes states in the format of the path's ending, and returns a description.
+def _listed(states: Any, path: pathlib.Path) -> List[State]:
+    """The states that a user gave, as a list."""
+    given = [states] if isinstance(states, State) else states
+    if isinstance(given, Simulation):
+        raise Error(f"{path}: a simulation is given; give torquer.export.State.of(simulation)")
+    if not isinstance(given, (list, tuple)) or not all(isinstance(one, State) for one in given):
+        raise Error(f"{path}: {type(states).__name__} is given; give a State of torquer.export, or a list of them")
+    if not given:
+        raise Error(f"{path}: there is no state to write; give one at least")
+    return list(given)
+
+
+def write(states: Union[State, Sequence[State]], path: Path) -> str:
+    """Writes a state or several in the format of the path's ending, and returns a description.
 
     A .pvd is a series for ParaView, with a .vtp for each state in the folder of the same name. This folder must not
     exist yet. A .csv has a row for each node. A .vtp or .mrk.json has only the last state. For instruments on several
     curves, .mrk.json has the curve that reaches farthest; the other formats have all curves.
     """
     path = pathlib.Path(path)
-    if not states:
-        raise Error(f"{path}: there is no state to write; give one at least")
+    states = _listed(states, path)
     last = f"the state at {states[-1].time_s} s, {len(states[-1].nodes_mm)} nodes in mm"
     every = f"{len(states)} states, {states[0].time_s} to {states[-1].time_s} s, nodes in mm"
     if path.name.endswith(".mrk.json"):

@@ -57,6 +57,9 @@ class StableVecEnv(VecEnv):  # type: ignore[misc]
         self.render_mode = None
         super().__init__(count, self.vector.single_observation_space, self.vector.single_action_space)
 
+    def __repr__(self) -> str:
+        return f"StableVecEnv({self.vector!r})"
+
     def reset(self) -> Any:
         """Returns all to the start: with the seeds of seed() and the options of set_options()."""
         observations, info = self.vector.reset(seed=self._chosen_seed, options=self._chosen_options)

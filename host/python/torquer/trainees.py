@@ -109,6 +109,9 @@ class Store:
         except (OSError, sqlite3.Error) as error:
             raise Error(f"{path}: cannot be used as a store ({error}); check the path and permissions") from None
 
+    def __repr__(self) -> str:
+        return f"Store(path={str(self.path)!r})"
+
     def _check(self) -> None:
         (application,) = self._base.execute("PRAGMA application_id").fetchone()
         (version,) = self._base.execute("PRAGMA user_version").fetchone()

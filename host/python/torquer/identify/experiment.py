@@ -37,6 +37,9 @@ class Vary:
         if not any(numbers):
             raise Error(f"{scene.path}: {key} is 0; give a start, as in {key}=0.1")
 
+    def __repr__(self) -> str:
+        return f"Vary(key={self.key!r}, start={self.start!r})"
+
     def at(self, factor: float) -> Any:
         """The value that is `factor` times the start."""
         if isinstance(self.start, list):
@@ -76,6 +79,9 @@ class Experiment:
         if len(self.groups) <= len(self.keys):
             raise Error(f"{table.path}: has {table.values()} measured values for {len(self.keys)} keys; measure more, or vary fewer")
         self._check_columns()
+
+    def __repr__(self) -> str:
+        return f"Experiment(scene={self.scene.name!r}, measured={str(self.table.path)!r}, keys={self.keys!r})"
 
     def _groups(self) -> List[str]:
         """Name of the kind of each residual."""

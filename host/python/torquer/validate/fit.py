@@ -197,6 +197,9 @@ class Search:
         self.middle = lumen.way(measured.entry_mm, self.held_at, True)
         self.shortest = lumen.way(measured.entry_mm, self.held_at, False)
 
+    def __repr__(self) -> str:
+        return f"Search(scene={self._scene.name!r}, shape={self._measured.shape.name!r})"
+
     def _scene_of(self, method: str) -> Scene:
         values: Dict[str, Any] = {f"entry.{key}": None for key in ("centerline", "at_mm", "towards", "towards_at_mm", "offset_mm")}
         values |= {"entry.point_mm": self._measured.entry_mm, "entry.direction": self._measured.direction}

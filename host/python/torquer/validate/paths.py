@@ -50,6 +50,9 @@ class Lumen:
         self._tree = need("scipy.spatial").cKDTree(self.places)
         self._known: Tuple[int, bool, Optional[Tuple[Any, Any]]] = (-1, False, None)
 
+    def __repr__(self) -> str:
+        return f"Lumen(scene={self.scene.name!r}, places={len(self.places)}, step_mm={self.step_mm:.3g})"
+
     @staticmethod
     def _neighbors(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Pairs of places that touch by a side, an edge or a corner of their cells."""

@@ -160,3 +160,6 @@ class Curve:
         self.arcs = arcs_of(self.points)
         self.of_points: Values = np.interp(chords, samples, self.arcs)
         """Length along the curve to each point of the shape."""
+
+    def __repr__(self) -> str:
+        return f"Curve(points={len(self.points)}, length_mm={self.arcs[-1]:.1f}, noise_mm={self.noise_mm:.3g})"
