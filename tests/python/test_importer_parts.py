@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torquer
 from torquer.importer import _given, case, centerlines, scan, surface
-from torquer.importer.__main__ import _findings, arguments_of, import_case
+from torquer.importer.__main__ import _findings, _label_mesh, arguments_of, import_case
 from torquer.importer.centerlines import Curve
 
 KEYS = pathlib.Path(__file__).parents[2] / "host/scenes/README.md"
@@ -118,6 +118,27 @@ def test_a_part_that_is_left_out_is_named_and_can_be_chosen(tmp_path):
     lies_in(SHORT)
 
 
+def test_labels_of_several_values_are_one_vessel():
+    points = grid(46, 13, 13)
+    # A tube whose halves have two values, as from TotalSegmentator, and a thread beside it.
+    values = (depth(points, LONG) > 0) * np.where(points[..., 2] < 20, 51, 52)
+    values[10:40, 11, 11] = 60
+    true_ml = np.count_nonzero((values == 51) | (values == 52)) / 1000
+    read = scan.Scan(values.astype(np.int16), np.eye(4), [], "labels.nii.gz")
+    mesh, facts = _label_mesh(read, [51, 52])
+    assert len(surface.parts(mesh)) == 1 and abs(mesh.volume_mm3() / 1000 / true_ml - 1) < 0.1
+    assert facts == [f"Label 51, 52: {true_ml:.2f} mL."]
+    half, _ = _label_mesh(read, [52])
+    assert half.volume_mm3() < 0.7 * mesh.volume_mm3() and half.points[:, 2].min() > 18
+    with pytest.raises(torquer.Error, match="labels.nii.gz: the label is nowhere thicker than two voxels"):
+        _label_mesh(read, [60])
+    values[10:40, 1:11:2, 11] = 60
+    read = scan.Scan(values.astype(np.int16), np.eye(4), [], "labels.nii.gz")
+    found = re.fullmatch(r"The surface has (\d+) % less, because vessels of two voxels or less are lost; .*", _label_mesh(read, [51, 52, 60])[1][1])
+    threads = np.count_nonzero(values == 60) / np.count_nonzero(values)
+    assert threads < float(found[1]) / 100 < threads + 0.1
+
+
 def test_parts_of_a_surface():
     points = grid(46, 13, 27)
     # A hollow within the long tube, which faces inward, is no part. Neither is noise.
@@ -143,7 +164,7 @@ def test_a_surface_of_two_parts_has_the_curves_of_one(tmp_path):
     assert depth(surface.from_stl(tmp_path / "case/surface.stl").points, SHORT).min() > -1
 
 
-def test_what_is_no_vessel_is_refused(tmp_path):
+def test_inputs_without_a_vessel_are_refused(tmp_path):
     ball = label_file(tmp_path / "ball.nii.gz", np.linalg.norm(grid(30, 30, 30) - 15, axis=-1) < 11, 3)
     for words, said in [
         (["--label", "3"], r"ball\.nii\.gz: no centerline was found in the surface"),

@@ -17,6 +17,9 @@ from ..centerlines import UNITS
 from . import _given, body, case, centerlines, lumen, scan, surface
 from ._base import need
 
+# A report says so if the surface of a label lacks more than this share of its volume.
+_MOST_LOST = 0.1
+
 
 def _point(option: str, text: str) -> Any:
     try:
@@ -40,15 +43,25 @@ def _part(mesh: surface.Mesh, arguments: argparse.Namespace) -> Tuple[surface.Me
     return surface.chosen(mesh, entry if root is None else root)
 
 
-def _label_mesh(read: scan.Scan, number: int) -> surface.Mesh:
-    mask = read.values == number
-    if number == 0 or not mask.any():
-        why = "is the background" if number == 0 else f"no voxel of {read.path} has this value"
-        there = [value for value in np.unique(read.values) if value]
-        listed = ", ".join(map(str, there[:20])) + (", .." if len(there) > 20 else "") if there else "none"
-        raise Error(f"--label {number}: {why}; labels in {read.path}: {listed}")
+def _label_mesh(read: scan.Scan, numbers: List[int]) -> Tuple[surface.Mesh, List[str]]:
+    """Surface of all voxels with one of these values, and sentences about it."""
+    for number in numbers:
+        if number == 0 or not (read.values == number).any():
+            why = "is the background" if number == 0 else f"no voxel of {read.path} has this value"
+            there = [value for value in np.unique(read.values) if value]
+            listed = ", ".join(map(str, there[:20])) + (", .." if len(there) > 20 else "") if there else "none"
+            raise Error(f"--label {number}: {why}; labels in {read.path}: {listed}")
+    mask = np.isin(read.values, numbers)
     picture = need("scipy.ndimage").gaussian_filter(mask.astype(np.float32), 0.7)
-    return surface.isosurface(picture, 0.5, read.affine)
+    if not (picture > 0.5).any():
+        raise Error(f"{read.path}: the label is nowhere thicker than two voxels; give a label map with finer voxels")
+    mesh = surface.isosurface(picture, 0.5, read.affine)
+    ml = np.count_nonzero(mask) * float(abs(np.linalg.det(read.affine[:3, :3]))) / 1000
+    facts = [f"Label {', '.join(map(str, numbers))}: {ml:.2f} mL."]
+    lost = 1 - mesh.volume_mm3() / 1000 / ml
+    if lost > _MOST_LOST:
+        facts.append(f"The surface has {100 * lost:.0f} % less, because vessels of two voxels or less are lost; give finer voxels.")
+    return mesh, facts
 
 
 def _from_scan(
@@ -60,11 +73,10 @@ def _from_scan(
     read = scan.read(arguments.scan, None if arguments.body else arguments.series)
     facts: List[str] = list(read.facts)
     levels: Optional[lumen.Levels] = None
-    if arguments.label is not None:
+    if arguments.label:
         progress.step("Surface of the label")
-        mesh = _label_mesh(read, arguments.label)
-        ml = np.count_nonzero(read.values == arguments.label) * float(abs(np.linalg.det(read.affine[:3, :3]))) / 1000
-        facts.append(f"Label {arguments.label}: {ml:.2f} mL.")
+        mesh, said = _label_mesh(read, arguments.label)
+        facts += said
     else:
         levels = lumen.levels_of(read, seeds)
         facts.append(f"Levels: {levels}.")
@@ -179,7 +191,7 @@ def _check_options(arguments: argparse.Namespace) -> None:
     """Refuses options that do not belong to the kind of input."""
     is_surface = _given.is_surface(arguments.scan)
     given = {
-        "--seed": bool(arguments.seed), "--label": arguments.label is not None, "--series": arguments.series is not None,
+        "--seed": bool(arguments.seed), "--label": bool(arguments.label), "--series": arguments.series is not None,
         "--mesh-unit": arguments.mesh_unit is not None, "--space": arguments.space is not None,
         "--centerlines": arguments.centerlines is not None, "--body": arguments.body is not None,
     }
@@ -239,7 +251,10 @@ def arguments_of(words: Optional[List[str]] = None) -> argparse.Namespace:
         "--seed", metavar="L,P,S", action="append", default=[],
         help="place in the lumen: left, posterior, superior in mm; write --seed=-12,30,1480; may be given several times",
     )
-    parser.add_argument("--label", metavar="N", type=int, help="SCAN is a label map, and N the value of the lumen in it")
+    parser.add_argument(
+        "--label", metavar="N", type=int, action="append", default=[],
+        help="SCAN is a label map, and N the value of the lumen in it; give it several times for a vessel of several values",
+    )
     parser.add_argument(
         "--body", metavar="SCAN",
         help="for a label map or a surface: the CT in which it was segmented, for X-ray pictures; a folder of DICOM files or an image",
