@@ -62,10 +62,11 @@ inline void TurnInsideOut(TriangleMesh& mesh) {
 
 /// Wall with thickness around a straight lumen, open at both ends: rims join the inner and outer
 /// tube.
-inline TriangleMesh MakeShell(double length_mm = 60, double inner_mm = 4, double outer_mm = 6) {
+inline TriangleMesh MakeShell(double length_mm = 60, double inner_mm = 4, double outer_mm = 6,
+                              int rows = 30) {
   constexpr int kAround = 24;
-  TriangleMesh mesh = MakeTubeMesh(length_mm, 30, kAround, [=](double) { return outer_mm; });
-  TriangleMesh inner = MakeTubeMesh(length_mm, 30, kAround, [=](double) { return inner_mm; });
+  TriangleMesh mesh = MakeTubeMesh(length_mm, rows, kAround, [=](double) { return outer_mm; });
+  TriangleMesh inner = MakeTubeMesh(length_mm, rows, kAround, [=](double) { return inner_mm; });
   TurnInsideOut(inner);
   const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
   Append(mesh, inner);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "host/simulator/vessel/arc_line_path.h"
+#include "host/simulator/vessel/face_sample.h"
 #include "host/simulator/vessel/mesh_edges.h"
 #include "host/simulator/vessel/mesh_repair.h"
 
@@ -46,17 +47,14 @@ double ReturningShare(const TriangleBvh& surface, const std::vector<int>& parts,
 }  // namespace
 
 double TubeFacingShare(const TriangleBvh& surface) {
-  const size_t count = surface.mesh().triangles.size();
-  const size_t stride = std::max<size_t>(1, count / kSampleFaces);
   int part_count = 0;
   const std::vector<int> parts = repair::Parts(surface.mesh(), &part_count);
-  double facing = 0, total = 0;
-  for (size_t i = 0; i < count; i += stride) {
-    const double area = surface.mesh().DoubleArea(i).norm();
-    total += area;
-    if (ReturningShare(surface, parts, i, kSampleRays) >= kInTube) facing += area;
+  double facing_mm2 = 0, total_mm2 = 0;
+  for (const auto& [face, weight_mm2] : SampleFaces(surface.mesh(), kSampleFaces)) {
+    total_mm2 += weight_mm2;
+    if (ReturningShare(surface, parts, face, kSampleRays) >= kInTube) facing_mm2 += weight_mm2;
   }
-  return total > 0 ? facing / total : 0;
+  return total_mm2 > 0 ? facing_mm2 / total_mm2 : 0;
 }
 
 TriangleMesh InnerSide(const TriangleBvh& surface) {

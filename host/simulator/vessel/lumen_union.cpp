@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/simulator/vessel/face_sample.h"
 #include "host/simulator/vessel/mesh_repair.h"
 #include "host/simulator/vessel/surface_split.h"
 #include "host/simulator/vessel/triangle_bvh.h"
@@ -110,12 +111,9 @@ std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
 // encloses no volume, and near 0 for a wall.
 double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
                   const SurfaceRegion& region) {
-  const size_t stride = region.faces.size() / kSheetSamples + 1;
   double sum = 0, weight = 0;
-  for (size_t i = 0; i < region.faces.size(); i += stride) {
-    const double area = AreaOf(mesh, region.faces[i]);
+  for (const auto& [face, area] : SampleFaces(mesh, region.faces, kSheetSamples)) {
     if (area == 0) continue;
-    const size_t face = region.faces[i];
     const double outer = surface.WindingNumber(mesh.Centroid(face) + StepOut(mesh, face));
     sum += area * std::abs(outer - std::round(outer));
     weight += area;
@@ -265,19 +263,17 @@ struct Fault {
 Fault FindFault(const TriangleBvh& surface) {
   constexpr size_t kMostFaces = 4000;
   const TriangleMesh& mesh = surface.mesh();
-  const size_t stride = mesh.triangles.size() / kMostFaces + 1;
   Fault fault;
   double total = 0, largest = 0;
-  for (size_t i = 0; i < mesh.triangles.size(); i += stride) {
-    const double area = AreaOf(mesh, i);
+  for (const auto& [face, area] : SampleFaces(mesh, kMostFaces)) {
     if (area == 0) continue;
     total += area;
-    const Vector3d at = mesh.Centroid(i), step = StepOut(mesh, i);
+    const Vector3d at = mesh.Centroid(face), step = StepOut(mesh, face);
     const double outer = surface.WindingNumber(at + step);
     const double inner = surface.WindingNumber(at - step);
     if (std::abs(outer) < 0.25 && std::abs(inner - 1) < 0.25) continue;
     fault.share += area;
-    if (area > largest) fault.where_mm = mesh.Centroid(i);
+    if (area > largest) fault.where_mm = at;
     largest = std::max(largest, area);
   }
   fault.share /= total;

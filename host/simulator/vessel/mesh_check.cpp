@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "host/simulator/vessel/face_sample.h"
 #include "host/simulator/vessel/flat_ends.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/triangle_bvh.h"
@@ -49,12 +50,12 @@ EntryProposal WidestPlace(const TriangleBvh& surface) {
   constexpr int kDirections = 200;
   const TriangleMesh& mesh = surface.mesh();
   EntryProposal best;
-  const size_t stride = std::max<size_t>(1, mesh.triangles.size() / kFaces);
-  for (size_t i = 0; i < mesh.triangles.size(); i += stride) {
-    const Vector3d inward = -mesh.DoubleArea(i).normalized();
-    const double width_mm = surface.CastRay(mesh.Centroid(i), inward, 1e-6);
+  for (const SampledFace& sample : SampleFaces(mesh, kFaces)) {
+    const Vector3d middle = mesh.Centroid(sample.face);
+    const Vector3d inward = -mesh.DoubleArea(sample.face).normalized();
+    const double width_mm = surface.CastRay(middle, inward, 1e-6);
     if (!std::isfinite(width_mm)) continue;
-    const Vector3d at = Rounded(mesh.Centroid(i) + width_mm / 2 * inward, 10);
+    const Vector3d at = Rounded(middle + width_mm / 2 * inward, 10);
     const double room_mm = surface.Distance(at);
     if (room_mm <= best.room_mm) continue;
     best.point_mm = at;

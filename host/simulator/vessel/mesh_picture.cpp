@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "host/simulator/vessel/face_sample.h"
+
 namespace torquer::vessel {
 
 using Eigen::Vector2d;
@@ -60,11 +62,11 @@ std::string LeftOutPaint(double facing) {
 // Draws the farthest triangles first. A large mesh is thinned evenly.
 void AddTriangles(const TriangleMesh& mesh, Paint paint, const Panel& panel, std::string& out) {
   std::vector<std::pair<double, std::size_t>> order;
-  const std::size_t stride = mesh.triangles.size() / kMostTriangles + 1;
-  for (std::size_t i = 0; i < mesh.triangles.size(); i += stride) {
-    order.emplace_back(panel.Height(mesh.Centroid(i)), i);
+  for (const SampledFace& sample : SampleFaces(mesh, kMostTriangles)) {
+    order.emplace_back(panel.Height(mesh.Centroid(sample.face)), sample.face);
   }
   std::sort(order.begin(), order.end());
+  order.erase(std::unique(order.begin(), order.end()), order.end());
   for (const auto& [height, i] : order) {
     const double facing = std::abs(panel.Facing(mesh.DoubleArea(i).normalized()));
     out += fmt::format("<path {} d='M", paint(std::isfinite(facing) ? facing : 0));
