@@ -11,7 +11,7 @@
 namespace {
 
 // Findings on a curve that begins `before_mm` before the end of its tube.
-std::string FindingsOn(double before_mm, double radius_mm = 3) {
+std::string FindingsOn(double before_mm, double radius_mm = 3, double first_mm = 3) {
   const torquer::test::TemporaryFolder folder;
   torquer::vessel::WriteObj(folder.Path("tube.obj"),
                             torquer::vessel::MakeTubeMesh(40, 12, 40, [](double) { return 3.0; }));
@@ -19,7 +19,8 @@ std::string FindingsOn(double before_mm, double radius_mm = 3) {
   std::ofstream(folder.Path("curves/main.mrk.json"))
       << R"({"markups": [{"type": "Curve", "controlPoints": [{"position": [)" << -before_mm
       << R"(, 0, 0]}, {"position": [30, 0, 0]}], "measurements": )"
-      << R"([{"name": "Radius", "controlPointValues": [3, )" << radius_mm << "]}]}]}";
+      << R"([{"name": "Radius", "controlPointValues": [)" << first_mm << ", " << radius_mm
+      << "]}]}]}";
   std::ofstream(folder.Path("test.toml")) << R"(name = "test"
 [vessel]
 kind = "surface"
@@ -69,4 +70,10 @@ TEST_CASE("A radius in the wrong unit is refused by the room in the surface", "[
                         Catch::Contains("at (30.0, 0.0, 0.0) mm, is 30 mm") &&
                         Catch::Contains("but the wall is nowhere more than 2.") &&
                         Catch::Contains("name the unit of the radii in \"units\""));
+  CHECK(FindingsOn(0, 0.3).empty());
+  CHECK_THROWS_WITH(
+      FindingsOn(0, 0.3, 0.31),
+      Catch::Contains("the Radius 1.0 mm") &&
+          Catch::Contains("is 0.3097 mm, the largest of all, but the wall is up to 2.") &&
+          Catch::Contains("name the unit of the radii in \"units\""));
 }

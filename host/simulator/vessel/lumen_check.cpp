@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
+#include <vector>
 
 #include "host/simulator/vessel/mesh_repair.h"
 
@@ -75,19 +77,19 @@ LumenReport CheckPlace(const ClearanceField& field, const CenterlineNetwork& cen
   return report;
 }
 
-std::optional<TooLargeRadius> FindTooLargeRadius(const CenterlineNetwork& network,
-                                                 const DistanceSource& surface) {
+std::optional<WrongRadius> FindWrongRadius(const CenterlineNetwork& network,
+                                           const DistanceSource& surface) {
   constexpr double kFactor = 5;
-  constexpr int kLeastPoints = 20;
-  TooLargeRadius largest;
-  int points = 0;
+  constexpr std::size_t kLeastPoints = 20;
+  WrongRadius largest;
+  std::vector<double> shares;  // radii over distances to the wall
   for (const Centerline& curve : network.curves()) {
     for (double s_mm = 0; s_mm <= curve.length_mm(); s_mm += 1) {
       const CenterlineSample at = curve.At(s_mm);
       const double room_mm = surface.Distance(at.position_mm);
       if (room_mm <= 0) continue;
-      ++points;
       largest.room_mm = std::max(largest.room_mm, room_mm);
+      shares.push_back(at.radius_mm / room_mm);
       if (at.radius_mm <= largest.radius_mm) continue;
       largest.curve = curve.name();
       largest.at_mm = s_mm;
@@ -95,7 +97,11 @@ std::optional<TooLargeRadius> FindTooLargeRadius(const CenterlineNetwork& networ
       largest.radius_mm = at.radius_mm;
     }
   }
-  if (points < kLeastPoints || largest.radius_mm <= kFactor * largest.room_mm) return std::nullopt;
+  if (shares.size() < kLeastPoints) return std::nullopt;
+  const auto middle = shares.begin() + static_cast<std::ptrdiff_t>(shares.size() / 2);
+  std::nth_element(shares.begin(), middle, shares.end());
+  largest.is_too_large = largest.radius_mm > kFactor * largest.room_mm;
+  if (!largest.is_too_large && *middle >= 1 / kFactor) return std::nullopt;
   return largest;
 }
 

@@ -31,8 +31,9 @@ LumenReport CheckPlace(const ClearanceField& field, const CenterlineNetwork& cen
                        const Eigen::Vector3d& point_mm, const Eigen::Vector3d& direction,
                        double wire_radius_mm);
 
-/// Radius of a network that is too large for its vessel, as after an error of its unit.
-struct TooLargeRadius {
+/// Radii of a network that do not fit its vessel, as after an error of their unit.
+struct WrongRadius {
+  bool is_too_large = false;  ///< else most radii are too small
   std::string curve;
   double at_mm = 0;  ///< arc length of the point with the largest radius
   Eigen::Vector3d position_mm;
@@ -41,9 +42,10 @@ struct TooLargeRadius {
 };
 
 /// Compares the radii with the distances to the wall at points each millimeter. A radius above five
-/// times the largest distance is too large; in real vessels the factor is 1.3 to 1.5. Curves with
-/// less than 20 mm in the lumen are not compared.
-std::optional<TooLargeRadius> FindTooLargeRadius(const CenterlineNetwork& network,
-                                                 const DistanceSource& surface);
+/// times the largest distance is too large; in real vessels the factor is 1.3 to 1.5. Radii are too
+/// small if most are below a fifth of the distance there. Curves with less than 20 mm in the lumen
+/// are not compared.
+std::optional<WrongRadius> FindWrongRadius(const CenterlineNetwork& network,
+                                           const DistanceSource& surface);
 
 }  // namespace torquer::vessel

@@ -56,16 +56,23 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
   return keys;
 }
 
-void RefuseTooLargeRadius(const Vessel& vessel, const std::string& folder) {
-  const auto found = FindTooLargeRadius(vessel.centerlines, vessel.surface->surface());
+void RefuseWrongRadii(const Vessel& vessel, const std::string& folder) {
+  const auto found = FindWrongRadius(vessel.centerlines, vessel.surface->surface());
   if (!found) return;
   const Eigen::Vector3d& at = found->position_mm;
+  const std::string misfit =
+      found->is_too_large
+          ? fmt::format("but the wall is nowhere more than {:.4g} mm from a centerline",
+                        found->room_mm)
+          : fmt::format(
+                "the largest of all, but the wall is up to {:.4g} mm from a centerline, "
+                "and mostly more than five radii",
+                found->room_mm);
   throw UserError(fmt::format(
       "{}/{}.mrk.json: the Radius {:.1f} mm along the curve, at ({:.1f}, {:.1f}, {:.1f}) mm, is "
-      "{:.4g} mm, but the wall is nowhere more than {:.4g} mm from a centerline; name the unit of "
-      "the radii in \"units\" of the measurement, or compute them again",
-      folder, found->curve, found->at_mm, at.x(), at.y(), at.z(), found->radius_mm,
-      found->room_mm));
+      "{:.4g} mm, {}; name the unit of the radii in \"units\" of the measurement, or compute them "
+      "again",
+      folder, found->curve, found->at_mm, at.x(), at.y(), at.z(), found->radius_mm, misfit));
 }
 
 // vessel.contents holds the surface alone.
@@ -75,7 +82,7 @@ void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folde
     vessel.centerlines =
         ParseSlicerCurves(files, SpaceOfSurface(vessel.contents.front()), &vessel.findings);
     for (CurveFile& file : files) vessel.contents.push_back(std::move(file.contents));
-    RefuseTooLargeRadius(vessel, (folder / *spec.centerlines).string());
+    RefuseWrongRadii(vessel, (folder / *spec.centerlines).string());
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
   }
