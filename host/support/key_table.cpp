@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace torquer {
 
@@ -199,7 +200,12 @@ void Read(StrictTable& table, const Key& key, DirectionSpec& value) {
   value = {"", vector};
 }
 
-std::string Write(const Key& /*key*/, double value) { return fmt::format("{}", value); }
+// A value that reads back as the same bits: "-0" would be an integer, and read back as 0.
+std::string Exact(double value) {
+  return value == 0 && std::signbit(value) ? "-0.0" : fmt::format("{}", value);
+}
+
+std::string Write(const Key& /*key*/, double value) { return Exact(value); }
 std::string Write(const Key& /*key*/, int value) { return fmt::format("{}", value); }
 std::string Write(const Key& /*key*/, bool value) { return value ? "true" : "false"; }
 std::string Write(const Key& /*key*/, const std::string& value) { return Quoted(value); }
@@ -210,14 +216,16 @@ std::string Write(const Key& key, const std::vector<std::string>& value) {
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 std::string Write(const Key& /*key*/, const Vector3d& value) {
-  return fmt::format("[{}, {}, {}]", value[0], value[1], value[2]);
+  return fmt::format("[{}, {}, {}]", Exact(value[0]), Exact(value[1]), Exact(value[2]));
 }
 std::string Write(const Key& /*key*/, const Eigen::Vector2d& value) {
-  return fmt::format("[{}, {}]", value[0], value[1]);
+  return fmt::format("[{}, {}]", Exact(value[0]), Exact(value[1]));
 }
 std::string Write(const Key& /*key*/, const std::vector<double>& value) {
-  if (value.size() == 1) return fmt::format("{}", value.front());
-  return fmt::format("[{}]", fmt::join(value, ", "));
+  if (value.size() == 1) return Exact(value.front());
+  std::vector<std::string> numbers;
+  for (const double number : value) numbers.push_back(Exact(number));
+  return fmt::format("[{}]", fmt::join(numbers, ", "));
 }
 std::string Write(const Key& key, const std::vector<Vector3d>& value) {
   std::vector<std::string> points;

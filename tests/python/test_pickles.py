@@ -41,6 +41,40 @@ def test_a_simulation_continues_in_another_process(moved, tmp_path):
     assert done.stdout.split() == [str(twin.state_hash), moved.scene.path]
 
 
+def test_a_scene_with_negative_zeros_is_itself_again():
+    # A tool that writes numbers with a fixed count of digits writes -0.000000.
+    text = """name = "zeros"
+[vessel]
+kind = "tubes"
+wall_stiffness_N_mm2 = 10
+[[vessel.tube]]
+name = "main"
+points_mm = [[-0.0, -0.0, -0.0], [100.0, -0.0, -0.0]]
+radii_mm = 3.0
+[entry]
+point_mm = [5.0, -0.0, -0.0]
+direction = [1.0, -0.0, -0.0]
+[[instrument]]
+name = "guidewire"
+max_length_mm = 50
+from_tip_mm = [0.0, 20.0]
+radius_mm = 0.4
+rigidity_N_mm2 = 10.0
+curvature_1_per_mm = [0.02, -0.0]
+[[instrument]]
+name = "second"
+max_length_mm = 50
+radius_mm = 0.3
+rigidity_N_mm2 = 10.0
+curvature_2_per_mm = -0.0
+[instrument.entry]
+point_mm = [5.0, -0.0, 1.0]
+direction = [1.0, -0.0, -0.0]
+"""
+    scene = torquer.Scene.from_text(text)
+    assert pickle.loads(pickle.dumps(scene)).content_hash == scene.content_hash
+
+
 def test_damaged_and_foreign_pickles_are_refused(moved):
     scene, saved = moved.__getstate__()
     blank = torquer.Simulation.__new__(torquer.Simulation)
