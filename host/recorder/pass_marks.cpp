@@ -22,22 +22,33 @@ struct MarkKey {
   const char* label;
   const char* reading;
   const char* effect;
+  // Only ticks that converged count. So the value is a lower bound if others did not.
+  bool is_of_converged_ticks = false;
 };
 constexpr std::array<MarkKey, 10> kMarkKeys = {
     {{"time_to_target_s", "Time to the target", "target_reached_s", "assessment"},
      {"procedure_s", "Duration of the procedure", "procedure_s", "assessment"},
-     {"largest_force_mN", "Largest force on the wall", "wall_force_largest_ever_mN", "wall_force"},
-     {"force_events", "Force above the scene's threshold", "wall_force_events", "wall_force"},
+     {"largest_force_mN", "Largest force on the wall", "wall_force_largest_ever_mN", "wall_force",
+      true},
+     {"force_events", "Force above the scene's threshold", "wall_force_events", "wall_force", true},
      {"fluoroscopy_s", "Fluoroscopy time", "fluoroscopy_s", "assessment"},
      {"air_kerma_mGy", "Air kerma at the reference point", "air_kerma_mGy", "fluoroscopy"},
      {"contrast_mL", "Contrast agent", "contrast_injected_mL", "contrast"},
-     {"path_ratio", "Path of the tip over the length of the route", "tip_path_ratio", "assessment"},
-     {"wrong_vessels", "Wrong vessels entered", "wrong_vessel_entries", "assessment"},
+     {"path_ratio", "Path of the tip over the length of the route", "tip_path_ratio", "assessment",
+      true},
+     {"wrong_vessels", "Wrong vessels entered", "wrong_vessel_entries", "assessment", true},
      {"retractions", "Retractions of 2 mm or more", "retractions", "assessment"}}};
 constexpr char kTargetReached[] = "target_reached";
 
-// Fills in the verdict on a mark whose value is known.
-void JudgeMark(Mark& mark) {
+bool IsOfConvergedTicks(const Mark& mark) {
+  return std::any_of(kMarkKeys.begin(), kMarkKeys.end(), [&](const MarkKey& key) {
+    return key.is_of_converged_ticks && mark.name == key.name;
+  });
+}
+
+// Fills in the verdict on a mark whose value is known. `is_lower_bound`: the true value may be
+// larger, so the mark can be failed and cannot be passed.
+void JudgeMark(Mark& mark, bool is_lower_bound) {
   if (!mark.most) {
     mark.passed = *mark.value != 0;
     mark.found = *mark.passed ? "reached" : "not reached";
@@ -48,6 +59,9 @@ void JudgeMark(Mark& mark) {
   const bool never = *mark.value < 0;
   mark.passed = !never && *mark.value <= *mark.most;
   if (never) mark.value.reset();
+  if (!is_lower_bound) return;
+  mark.found = "at least " + mark.found;
+  if (*mark.passed) mark.passed.reset();
 }
 
 Mark Unjudged(const char* name, const char* label, const char* reading, const std::string& limit,
@@ -114,9 +128,11 @@ MarkSheet ReadMarks(const std::string& path, const SessionReport& report) {
 
 void CompareMarks(const SessionReport& report, MarkSheet& sheet) {
   if (!report.not_gradable.empty()) return;
+  const bool all_converged =
+      FindReading(report.readings, "wall_force_unconverged_s").value_or(0) == 0;
   for (Mark& mark : sheet.marks) {
     mark.value = FindReading(report.readings, mark.reading);
-    if (mark.value) JudgeMark(mark);
+    if (mark.value) JudgeMark(mark, !all_converged && IsOfConvergedTicks(mark));
   }
 }
 

@@ -89,6 +89,34 @@ TEST_CASE("A missed target fails its marks, and an unknown value neither passes 
   for (const Mark& mark : none.marks) CHECK_FALSE(mark.passed.has_value());
 }
 
+TEST_CASE(
+    "A mark of converged ticks alone can be failed and not passed if others did not converge") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("marks.toml");
+  WriteMarks(path, std::string(kMarksOfTrainer) + "force_events = 2\npath_ratio = 3\n");
+  const auto after = [&](double unconverged_s, double force_mN, double wrong) {
+    SessionReport report = MarkedReport(20, force_mN, wrong);
+    for (const auto& [name, value] : {std::pair("wall_force_events", 1.0),
+                                      {"tip_path_ratio", 1.2},
+                                      {"wall_force_unconverged_s", unconverged_s}}) {
+      report.readings.names.emplace_back(name);
+      report.readings.values.push_back(value);
+    }
+    return Compared(path, report);
+  };
+  CHECK(after(0, 20, 0).Passed() == true);
+  const MarkSheet doubt = after(0.004, 20, 0);
+  CHECK_FALSE(doubt.Passed().has_value());
+  for (const Mark& mark : doubt.marks) {
+    CAPTURE(mark.name);
+    const bool is_of_time = mark.name == "target_reached" || mark.name == "time_to_target_s";
+    CHECK(mark.passed.has_value() == is_of_time);
+    CHECK((mark.found.find("at least ") == 0) == !is_of_time);
+  }
+  CHECK(after(0.004, 301, 0).Passed() == false);
+  CHECK(after(0.004, 20, 1).Passed() == false);
+}
+
 TEST_CASE("Pass marks that cannot be used are refused with file, line and key") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("marks.toml");
