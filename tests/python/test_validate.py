@@ -212,7 +212,13 @@ def test_the_length_of_a_noisy_curve_is_not_that_of_its_zigzag():
     noisy = helix + np.random.default_rng(1).normal(0, 0.5, helix.shape)
     assert fits.arcs_of(noisy)[-1] > 1.05 * length
     curve = shapes.Curve(shapes.Shape("helix", noisy))
-    assert curve.arcs[-1] == pytest.approx(length, rel=0.012) and curve.noise_mm == pytest.approx(0.5, rel=0.35)
+    assert curve.arcs[-1] == pytest.approx(length, rel=0.012)
+    noises = []
+    for seed in range(30):
+        points = helix + np.random.default_rng(seed).normal(0, 0.5, helix.shape)
+        noises.append(shapes.Curve(shapes.Shape("helix", points)).noise_mm)
+    # The smooth curve follows some of the noise: 8 % with 31 points.
+    assert np.median(noises) == pytest.approx(0.5, rel=0.12)
     exact = shapes.Curve(shapes.Shape("helix", helix))
     assert exact.arcs[-1] == pytest.approx(length, rel=1e-3) and exact.noise_mm < 0.02
 

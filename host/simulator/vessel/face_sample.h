@@ -16,9 +16,9 @@ struct SampledFace {
 };
 
 /// Sample of `faces`, in their order: all of them, each for its own area, if there are at most
-/// `most`. A larger set has `most` places, drawn at random over its area. So no pattern in the order
-/// of the faces matters. A large face may come repeatedly, and a face without area never comes then.
-/// The same faces give the same sample.
+/// `most`. A larger set has `most` places, drawn at random over its area. So no pattern in the
+/// order of the faces matters. A large face may come repeatedly, and a face without area never
+/// comes then. The same faces give the same sample.
 std::vector<SampledFace> SampleFaces(const TriangleMesh& mesh, std::span<const std::int32_t> faces,
                                      std::size_t most);
 

@@ -114,6 +114,9 @@ def read(path: Union[str, "os.PathLike[str]"]) -> Tuple[List[Shape], List[str]]:
 def _smoothed(arcs: Values, points: Points) -> Tuple[Points, float]:
     """Points of least roughness, and the standard deviation of their noise in each coordinate.
 
+    The arcs come from the same points, so they follow the noise along the curve. So the residuals
+    have the noise of the two coordinates across it.
+
     Whittaker's smoother with third divided differences (Eilers, Anal Chem 2003;75:3631). The weight
     is that of the least generalized cross-validation (Craven and Wahba, Numer Math 1979;31:377).
     """
@@ -135,7 +138,7 @@ def _smoothed(arcs: Values, points: Points) -> Tuple[Points, float]:
         squares = float((((1 - kept)[:, None] * parts) ** 2).sum())
         score = count * squares / free**2 if weight > 0 else math.inf
         if score < best:
-            best, noise, keep = score, math.sqrt(squares / (3 * free)), kept
+            best, noise, keep = score, math.sqrt(squares / (2 * free)), kept
     return vectors @ (keep[:, None] * parts), noise
 
 
