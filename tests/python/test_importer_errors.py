@@ -88,8 +88,10 @@ def test_the_wire_bends_to_the_front_in_every_frame(truth):
     assert way[1] < -0.5 and abs(way[0]) < 0.1 and way[2] > 10, "the front is -y in LPS"
 
 
-def test_sizes_of_voxels_are_checked():
+def test_options_are_checked():
     command = [sys.executable, "-B", "-m", "torquer.importer.errors", "--voxels"]
     for words in ("5", "x"):
         done = subprocess.run([*command, words], capture_output=True, text=True, timeout=60)
         assert done.returncode == 2 and f"--voxels {words}: give sizes from 0.2 to 2 mm" in done.stderr
+    done = subprocess.run([*command, "1", "--entry=1,2"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "--entry=1,2: give left, posterior and superior in mm" in done.stderr

@@ -21,7 +21,8 @@ from ._base import need
 _MOST_LOST = 0.1
 
 
-def _point(option: str, text: str) -> Any:
+def point_of(option: str, text: str) -> Any:
+    """Place that an option gives. Raises Error."""
     try:
         point = np.array([float(word) for word in text.split(",")])
     except ValueError:
@@ -34,7 +35,7 @@ def _point(option: str, text: str) -> Any:
 def _places(arguments: argparse.Namespace) -> Tuple[Optional[Any], Optional[Any]]:
     """Places of --root and --entry."""
     root, entry = arguments.root, arguments.entry
-    return None if root is None else _point("--root", root), None if entry is None else _point("--entry", entry)
+    return None if root is None else point_of("--root", root), None if entry is None else point_of("--entry", entry)
 
 
 def _part(mesh: surface.Mesh, arguments: argparse.Namespace) -> Tuple[surface.Mesh, List[str]]:
@@ -68,7 +69,7 @@ def _from_scan(
     folder: pathlib.Path, arguments: argparse.Namespace, progress: _command.Progress
 ) -> Tuple[surface.Mesh, str, List[str]]:
     """Surface of the lumen in a scan or a label map, the keys of the body, and sentences about the steps."""
-    seeds = np.array([_point("--seed", text) for text in arguments.seed]).reshape(-1, 3)
+    seeds = np.array([point_of("--seed", text) for text in arguments.seed]).reshape(-1, 3)
     progress.step("Reading the scan")
     read = scan.read(arguments.scan, None if arguments.body else arguments.series)
     facts: List[str] = list(read.facts)

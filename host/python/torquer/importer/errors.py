@@ -24,7 +24,7 @@ import numpy.typing as npt
 from .. import Error, Scene, Simulation, _command
 from .._polyline import at_arcs
 from . import case, centerlines, scan, surface
-from .__main__ import arguments_of, import_case
+from .__main__ import arguments_of, import_case, point_of
 from ._base import Points, need
 from ._truth import BLUR_MM, NOISE, Truth, scan_of, seed_of
 from .centerlines import Curve
@@ -159,8 +159,10 @@ def _percentiles(values: Any) -> str:
     return f"{p50:.2f}, {p95:.2f}"
 
 
-def row_of(truth: Truth, true: Vessel, wall: Points, voxel_mm: float, folder: pathlib.Path) -> str:
-    """Imports a scan and compares; a row of the table."""
+def row_of(
+    truth: Truth, true: Vessel, wall: Points, voxel_mm: float, folder: pathlib.Path, entry_mm: Optional[Any] = None
+) -> str:
+    """Imports a scan and compares; a row of the table. The wire enters next to entry_mm, or where the import chooses."""
     began = time.monotonic()
     read = scan_of(truth, voxel_mm)
     scan.write_nifti(folder / "scan.nii", read.values, read.affine)
@@ -175,7 +177,8 @@ def row_of(truth: Truth, true: Vessel, wall: Points, voxel_mm: float, folder: pa
     middles = np.vstack([curve.points for curve in vessel.curves])
     bias = radii - need("scipy.spatial").cKDTree(wall).query(middles)[0]
     found, false = branches_found(true.curves, vessel.curves)
-    entry = case.first_entry(case.entries_of(true.curves))
+    ends = case.entries_of(true.curves)
+    entry = case.first_entry(ends) if entry_mm is None else case.entry_at(ends, entry_mm)
     same = min(case.entries_of(vessel.curves), key=lambda one: float(np.linalg.norm(one.point_mm - entry.point_mm)))
     way_mm = way_of(true.curves, entry)
     ours, theirs = runs(true, entry, way_mm), runs(vessel, same, way_mm)
@@ -208,6 +211,7 @@ def main() -> int:
     )
     parser.add_argument("scenes", metavar="SCENE", nargs="*", default=["ty_phantom", "coronary"], help="scenes of Torquer, or files")
     parser.add_argument("--voxels", metavar="MM,..", default="0.4,0.7,1", help="voxel sizes, 0.2 to 2 mm (default: 0.4,0.7,1)")
+    parser.add_argument("--entry", metavar="L,P,S", help="the wire enters at the end nearest to this place (default: as the import)")
     arguments = parser.parse_args()
     try:
         voxels = [float(word) for word in arguments.voxels.split(",")]
@@ -216,6 +220,7 @@ def main() -> int:
     try:
         if not voxels or not all(0.2 <= voxel <= 2 for voxel in voxels):
             raise Error(f"--voxels {arguments.voxels}: give sizes from 0.2 to 2 mm, as 0.4,0.7,1")
+        entry_mm = None if arguments.entry is None else point_of("--entry", arguments.entry)
         rows = [HEAD]
         for name in arguments.scenes:
             truth = Truth(Scene(name))
@@ -223,7 +228,7 @@ def main() -> int:
             wall = truth.wall_points(_WALL_POINTS)
             for voxel_mm in voxels:
                 with tempfile.TemporaryDirectory() as folder:
-                    rows.append(row_of(truth, true, wall, voxel_mm, pathlib.Path(folder)))
+                    rows.append(row_of(truth, true, wall, voxel_mm, pathlib.Path(folder), entry_mm))
     except Error as error:
         print(f"torquer.importer.errors: {error}", file=sys.stderr)
         return 2
