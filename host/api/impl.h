@@ -30,8 +30,8 @@ namespace torquer {
 inline Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
 
 struct Scene::Impl {
-  /// `base`: a scene whose vessel this one may share; null: none.
-  explicit Impl(scene::SceneSpec spec, const scene::Scene* base = nullptr);
+  /// `keeps`: the last copy keeps the vessel's field for the next program.
+  explicit Impl(std::unique_ptr<scene::Scene> made, bool keeps = true);
   ~Impl();
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -42,6 +42,7 @@ struct Scene::Impl {
 
   const std::unique_ptr<scene::Scene> scene;
   mutable std::atomic<bool> lent = false;
+  const bool keeps_field;
   const std::string folder;
   std::vector<InstrumentInfo> instruments;
 };
@@ -51,10 +52,17 @@ struct Simulation::Impl {
   Impl(const Impl& other);
   /// Returns to the start of the scene.
   void Restart();
+  /// True if an instrument was exchanged since the start.
+  bool exchanged() const { return scene.impl_ != scene_at_start.impl_; }
+  /// Continues in another scene, with a simulation in its state or at its start.
+  /// References to `scene` and the command stay valid.
+  void ContinueIn(const Scene& next, std::shared_ptr<scene::Scene> next_lent,
+                  std::unique_ptr<simulator::Simulation> next_simulation);
 
+  Scene scene_at_start;
   Scene scene;
   std::shared_ptr<scene::Scene> lent;
-  simulator::Simulation simulation;
+  std::unique_ptr<simulator::Simulation> simulation;
   RowRun rows;
   Past past;
   std::vector<Picture> pictures;   ///< of each plane

@@ -11,6 +11,7 @@ constexpr std::size_t kBlockBytes = 4096;
 
 constexpr char kStep = 'S';
 constexpr char kRendering = 'P';
+constexpr char kExchange = 'X';
 // Bits of the flags of a step.
 constexpr char kXray = 1;
 constexpr char kContrast = 2;
@@ -34,6 +35,13 @@ class Reader {
     std::copy_n(bytes_.begin(), sizeof(Number), reinterpret_cast<char*>(&value));
     bytes_.remove_prefix(sizeof(Number));
     return value;
+  }
+  std::string TakeText() {
+    const auto bytes = Take<std::uint32_t>();
+    if (bytes_.size() < bytes) Refuse();
+    std::string text(bytes_.substr(0, bytes));
+    bytes_.remove_prefix(bytes);
+    return text;
   }
   [[noreturn]] static void Refuse() {
     throw Error("the saved simulation is damaged; save it again");
@@ -172,6 +180,14 @@ void Past::AddRendering(int plane) {
   Put(newest_, static_cast<std::uint8_t>(plane));
 }
 
+void Past::AddExchange(int instrument, const std::string& device, std::uint64_t scene_hash) {
+  newest_ += kExchange;
+  Put(newest_, static_cast<std::uint8_t>(instrument));
+  Put(newest_, scene_hash);
+  Put(newest_, static_cast<std::uint32_t>(device.size()));
+  newest_ += device;
+}
+
 void Past::Write(const OpenStep& step) {
   if (newest_.size() >= kBlockBytes) {
     blocks_ = std::make_shared<const Block>(blocks_, std::move(newest_));
@@ -218,6 +234,11 @@ void Past::Repeat(std::string_view bytes, std::size_t hands, const Actions& acti
     const auto kind = reader.Take<char>();
     if (kind == kRendering) {
       actions.render(reader.Take<std::uint8_t>());
+    } else if (kind == kExchange) {
+      const auto instrument = reader.Take<std::uint8_t>();
+      if (instrument >= hands) Reader::Refuse();
+      const auto scene_hash = reader.Take<std::uint64_t>();
+      actions.exchange(instrument, reader.TakeText(), scene_hash);
     } else if (kind == kStep) {
       RepeatStep(reader, hands, actions, row);
     } else {

@@ -13,9 +13,9 @@
 
 namespace torquer {
 
-/// Steps and rendered pictures, encoded in bytes. Renderings count because a picture can be the
-/// mask of later ones. A copy is cheap: it shares all but the newest bytes. Different threads may
-/// use copies independently.
+/// Steps, exchanges and rendered pictures, encoded in bytes. Renderings count because a picture can
+/// be the mask of later ones. A copy is cheap: it shares all but the newest bytes. Different
+/// threads may use copies independently.
 class Past {
  public:
   Past() = default;
@@ -32,6 +32,8 @@ class Past {
   void EndStep();
   /// A picture of a plane was rendered, within a step or after it.
   void AddRendering(int plane);
+  /// An instrument was exchanged between two steps. `scene_hash`: of the scene since then.
+  void AddExchange(int instrument, const std::string& device, std::uint64_t scene_hash);
 
   std::string Bytes() const;
 
@@ -42,6 +44,8 @@ class Past {
     std::function<std::uint32_t(const Command& row, const std::function<bool(std::uint32_t)>&)>
         step;
     std::function<void(int plane)> render;
+    std::function<void(std::size_t instrument, const std::string& device, std::uint64_t scene_hash)>
+        exchange;
   };
   /// Repeats the past of Bytes() for a scene of `hands` instruments. Throws Error for other bytes.
   static void Repeat(std::string_view bytes, std::size_t hands, const Actions& actions);

@@ -102,7 +102,7 @@ const Picture& Simulation::LastPicture(int plane) {
   if (!impl_->pictures_due[k]) return impl_->pictures[k];
   impl_->past.AddRendering(plane);
   effects::ImageSource::Picture taken;
-  impl_->simulation.image(k)->Render(taken);
+  impl_->simulation->image(k)->Render(taken);
   impl_->pictures[k] = {.width = taken.width,
                         .height = taken.height,
                         .time_s = taken.time_s,

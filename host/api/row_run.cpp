@@ -101,11 +101,11 @@ std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {
   return all;
 }
 
-RowRun::RowRun(simulator::Simulation& simulation) : simulation_(simulation) { Restart(); }
+RowRun::RowRun(simulator::Simulation& simulation) : simulation_(&simulation) { Restart(); }
 
 void RowRun::Restart() {
   command_ = {};
-  for (const InstrumentInfo& instrument : InstrumentsOf(simulation_.scene())) {
+  for (const InstrumentInfo& instrument : InstrumentsOf(simulation_->scene())) {
     command_.hands.push_back(instrument.start);
   }
   begun_ = false;
@@ -119,11 +119,11 @@ void RowRun::CopyFrom(const RowRun& twin) {
 StepReport RowRun::GoTo(const Command& row,
                         const std::function<bool(const StepReport& tick)>& after_tick) {
   const Command before = command_;
-  ScriptTicks ticks(before, row, simulation_.longest_tick_s());
+  ScriptTicks ticks(before, row, simulation_->longest_tick_s());
   StepReport step;
   for (Command tick; step.finished && ticks.Next(tick);) {
-    CountedBudget budget(simulation_.scene().budget_units());
-    const TickReport& report = simulation_.Tick(ToTick(tick), budget);
+    CountedBudget budget(simulation_->scene().budget_units());
+    const TickReport& report = simulation_->Tick(ToTick(tick), budget);
     command_ = tick;
     begun_ = true;
     const StepReport one = {.ticks = 1,

@@ -42,9 +42,11 @@ class RowRun {
   void CopyFrom(const RowRun& twin);
   /// Call it after a restart of the simulation.
   void Restart();
+  /// Continues with another simulation of the same instruments, in the same state.
+  void ContinueIn(simulator::Simulation& simulation) { simulation_ = &simulation; }
 
  private:
-  simulator::Simulation& simulation_;
+  simulator::Simulation* simulation_;
   Command command_;
   bool begun_ = false;
 };

@@ -95,11 +95,26 @@ std::string Build() {
 std::string Simulation::Save() const {
   const auto hold = impl().usage.Look();
   const std::string contents = ToText({.build = Build(),
-                                       .scene_hash = Hex(impl_->scene.content_hash()),
-                                       .state_hash = Hex(impl_->simulation.state_hash())}) +
+                                       .scene_hash = Hex(impl_->scene_at_start.content_hash()),
+                                       .state_hash = Hex(impl_->simulation->state_hash())}) +
                                impl_->past.Bytes();
   return std::string(kMagic) + Hex(Fnv1a(contents)) + contents;
 }
+
+namespace {
+
+// Repeats an exchange. Its device may have other values than then.
+void RepeatExchange(std::size_t instrument, const std::string& device, std::uint64_t scene_hash,
+                    Simulation& simulation) {
+  simulation.Exchange(simulation.scene().instruments()[instrument].name, device);
+  if (simulation.scene().content_hash() == scene_hash) return;
+  throw Error(
+      fmt::format("the simulation was saved with other values of the device {}; load it with the "
+                  "devices that it had then",
+                  device));
+}
+
+}  // namespace
 
 Simulation Simulation::Load(const Scene& scene, const std::string& saved,
                             const std::function<void()>& after_tick) {
@@ -127,7 +142,11 @@ Simulation Simulation::Load(const Scene& scene, const std::string& saved,
                       });
                       return ticks;
                     },
-                .render = [&](int plane) { simulation.LastPicture(plane); }});
+                .render = [&](int plane) { simulation.LastPicture(plane); },
+                .exchange =
+                    [&](std::size_t instrument, const std::string& device, std::uint64_t hash) {
+                      RepeatExchange(instrument, device, hash, simulation);
+                    }});
   if (Hex(simulation.state_hash()) == header.state_hash) return simulation;
   throw Error(
       "the repeated commands of the saved simulation give another state; this processor calculates "

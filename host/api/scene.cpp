@@ -40,13 +40,15 @@ const char* Version() { return kVersion; }
 Error::Error(const std::string& message) : std::runtime_error(message) {}
 Error::~Error() = default;
 
-Scene::Impl::Impl(scene::SceneSpec spec, const scene::Scene* base)
-    : scene(base == nullptr ? std::make_unique<scene::Scene>(std::move(spec))
-                            : std::make_unique<scene::Scene>(std::move(spec), *base)),
+Scene::Impl::Impl(std::unique_ptr<scene::Scene> made, bool keeps)
+    : scene(std::move(made)),
+      keeps_field(keeps),
       folder(Absolute(scene->spec().folder)),
       instruments(InstrumentsOf(*scene)) {}
 
-Scene::Impl::~Impl() { scene->KeepField(); }
+Scene::Impl::~Impl() {
+  if (keeps_field) scene->KeepField();
+}
 
 std::shared_ptr<scene::Scene> Scene::Impl::Lend() const {
   if (lent.exchange(true)) return scene->MakeTwin();
@@ -59,18 +61,22 @@ Scene& Scene::operator=(const Scene&) = default;
 Scene::~Scene() = default;
 
 Scene Scene::FromFile(const std::string& path) {
-  return Guarded([&] { return Scene(std::make_shared<const Impl>(scene::ReadScene(path))); });
+  return Guarded(
+      [&] { return Scene(std::make_shared<const Impl>(std::make_unique<scene::Scene>(path))); });
 }
 
 Scene Scene::FromText(const std::string& toml, const std::string& folder, const std::string& path) {
-  return Guarded(
-      [&] { return Scene(std::make_shared<const Impl>(scene::ParseScene(toml, path, folder))); });
+  return Guarded([&] {
+    return Scene(std::make_shared<const Impl>(
+        std::make_unique<scene::Scene>(scene::ParseScene(toml, path, folder))));
+  });
 }
 
 Scene Scene::With(const Values& values) const {
   return Guarded([&] {
     const scene::Scene& base = *impl_->scene;
-    return Scene(std::make_shared<const Impl>(scene::With(base.spec(), values), &base));
+    return Scene(std::make_shared<const Impl>(
+        std::make_unique<scene::Scene>(scene::With(base.spec(), values), base)));
   });
 }
 

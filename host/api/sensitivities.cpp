@@ -26,22 +26,27 @@ Eigen::Vector3d AtTip(const WireModel& instrument, const Curve& curve, double in
 
 void Simulation::TrackSensitivities(const std::vector<std::string>& keys) {
   const auto hold = impl().usage.Change();
-  if (impl_->simulation.tick() != 0) {
+  if (impl_->exchanged()) {
+    throw Error(impl_->scene.name() +
+                ": derivatives are tracked from the start of the scene, and an instrument was "
+                "exchanged since; call Restart first");
+  }
+  if (impl_->simulation->tick() != 0) {
     throw Error(fmt::format(
         "{}: derivatives are tracked from the start of the scene, and this simulation is at {:g} "
         "s; call Restart first",
-        impl_->scene.name(), impl_->simulation.time_s()));
+        impl_->scene.name(), impl_->simulation->time_s()));
   }
-  Guarded([&] { impl_->simulation.TrackSensitivities(keys); });
+  Guarded([&] { impl_->simulation->TrackSensitivities(keys); });
   impl_->Restart();
 }
 
 std::vector<Sensitivity> Simulation::sensitivities() const {
   const auto hold = impl().usage.Look();
   std::vector<Sensitivity> all;
-  const simulator::SensitivityTracker* const tracker = impl_->simulation.sensitivities();
+  const simulator::SensitivityTracker* const tracker = impl_->simulation->sensitivities();
   if (tracker == nullptr) return all;
-  const WireState& state = impl_->simulation.state();
+  const WireState& state = impl_->simulation->state();
   for (std::size_t k = 0; k < tracker->keys().size(); ++k) {
     Sensitivity& one = all.emplace_back();
     one.key = tracker->keys()[k];

@@ -69,18 +69,20 @@ std::vector<double> InMilli(const std::vector<double>& values) {
 }  // namespace
 
 Simulation::Impl::Impl(const Scene& of)
-    : scene(of),
+    : scene_at_start(of),
+      scene(of),
       lent(of.impl_->Lend()),
-      simulation(*lent),
-      rows(simulation),
-      pictures(simulation.image_count()),
-      pictures_due(simulation.image_count()) {}
+      simulation(std::make_unique<simulator::Simulation>(*lent)),
+      rows(*simulation),
+      pictures(simulation->image_count()),
+      pictures_due(simulation->image_count()) {}
 
 Simulation::Impl::Impl(const Impl& other)
-    : scene(other.scene),
+    : scene_at_start(other.scene_at_start),
+      scene(other.scene),
       lent(scene.impl_->Lend()),
-      simulation(*lent, other.simulation),
-      rows(simulation),
+      simulation(std::make_unique<simulator::Simulation>(*lent, *other.simulation)),
+      rows(*simulation),
       past(other.past),
       pictures(other.pictures),
       pictures_due(other.pictures_due) {
@@ -104,15 +106,20 @@ Simulation::Simulation(const Simulation& other) {
 Simulation& Simulation::operator=(const Simulation& other) {
   if (this == &other) return *this;
   const auto look = other.impl().usage.Look();
-  if (impl_ == nullptr || impl_->scene.impl_ != other.impl_->scene.impl_) {
-    auto built = std::make_unique<Impl>(*other.impl_);
-    // Throws if another call still uses the replaced parts.
-    if (impl_ != nullptr) static_cast<void>(impl_->usage.Change());
-    impl_ = std::move(built);
+  if (impl_ == nullptr) {
+    impl_ = std::make_unique<Impl>(*other.impl_);
     return *this;
   }
   const auto change = impl_->usage.Change();
-  impl_->simulation.CopyFrom(other.impl_->simulation);
+  const simulator::Simulation& twin = *other.impl_->simulation;
+  if (impl_->scene.impl_ == other.impl_->scene.impl_) {
+    impl_->simulation->CopyFrom(twin);
+  } else {
+    auto lent = other.impl_->scene.impl_->Lend();
+    auto built = std::make_unique<simulator::Simulation>(*lent, twin);
+    impl_->ContinueIn(other.impl_->scene, std::move(lent), std::move(built));
+  }
+  impl_->scene_at_start = other.impl_->scene_at_start;
   impl_->rows.CopyFrom(other.impl_->rows);
   impl_->past = other.impl_->past;
   impl_->pictures = other.impl_->pictures;
@@ -128,13 +135,23 @@ const Scene& Simulation::scene() const {
   const auto hold = impl().usage.Look();
   return impl_->scene;
 }
+const Scene& Simulation::scene_at_start() const {
+  const auto hold = impl().usage.Look();
+  return impl_->scene_at_start;
+}
 const Command& Simulation::command() const {
   const auto hold = impl().usage.Look();
   return impl_->rows.command();
 }
 
 void Simulation::Impl::Restart() {
-  simulation.Restart();
+  if (exchanged()) {
+    auto first = scene_at_start.impl_->Lend();
+    auto built = std::make_unique<simulator::Simulation>(*first);
+    ContinueIn(scene_at_start, std::move(first), std::move(built));
+  } else {
+    simulation->Restart();
+  }
   rows.Restart();
   past = {};
   pictures.assign(pictures.size(), Picture{});
@@ -165,7 +182,7 @@ StepReport Simulation::Step(const Command& command,
   return all.rows.GoTo(command, [&](const StepReport& tick) {
     all.past.AddTick();
     for (std::size_t k = 0; k < all.pictures_due.size(); ++k) {
-      if (all.simulation.picture_due(k)) all.pictures_due[k] = true;
+      if (all.simulation->picture_due(k)) all.pictures_due[k] = true;
     }
     return !after_tick || after_tick(tick);
   });
@@ -178,24 +195,24 @@ void Simulation::WhileStill(const std::function<void()>& look) const {
 
 double Simulation::time_s() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.time_s();
+  return impl_->simulation->time_s();
 }
 
 const double* Simulation::nodes_mm() const {
   const auto hold = impl().usage.Look();
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
-  return impl_->simulation.state().Farthest().nodes().front().data();
+  return impl_->simulation->state().Farthest().nodes().front().data();
 }
 
 std::size_t Simulation::node_count() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.state().Farthest().nodes().size();
+  return impl_->simulation->state().Farthest().nodes().size();
 }
 
 std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
   const auto hold = impl().usage.Look();
   CheckInstrument(instrument, impl_->scene);
-  const WireState& state = impl_->simulation.state();
+  const WireState& state = impl_->simulation->state();
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;
   TakeNodes(impl_->lent->stack().instrument(k), state.CurveOf(k), state.poses()[k].insertion_mm,
@@ -208,7 +225,7 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
 
 std::vector<InstrumentState> Simulation::instruments() const {
   const auto hold = impl().usage.Look();
-  const simulator::Simulation& simulation = impl_->simulation;
+  const simulator::Simulation& simulation = *impl_->simulation;
   const InstrumentPoses& poses = simulation.state().poses();
   const InstrumentPoses& carried = simulation.report().carried;
   std::vector<InstrumentState> all;
@@ -224,31 +241,31 @@ std::vector<InstrumentState> Simulation::instruments() const {
 
 double Simulation::energy_mJ() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.report().energy_mJ;
+  return impl_->simulation->report().energy_mJ;
 }
 double Simulation::dissipated_mJ() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.report().dissipated_mJ;
+  return impl_->simulation->report().dissipated_mJ;
 }
 double Simulation::residual() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.report().residual;
+  return impl_->simulation->report().residual;
 }
 double Simulation::SolverErrorMm() {
   const auto hold = impl().usage.Work();
-  return impl_->simulation.SolverErrorMm();
+  return impl_->simulation->SolverErrorMm();
 }
 double Simulation::DiscretizationErrorMm() {
   const auto hold = impl().usage.Work();
-  return impl_->simulation.DiscretizationErrorMm();
+  return impl_->simulation->DiscretizationErrorMm();
 }
 double Simulation::max_penetration_mm() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.report().max_penetration_mm;
+  return impl_->simulation->report().max_penetration_mm;
 }
 bool Simulation::outside_lumen() const {
   const auto hold = impl().usage.Look();
-  return (impl_->simulation.status() & protocol::kWireOutsideLumen) != 0;
+  return (impl_->simulation->status() & protocol::kWireOutsideLumen) != 0;
 }
 
 std::vector<Contact> Simulation::contacts() const {
@@ -257,14 +274,14 @@ std::vector<Contact> Simulation::contacts() const {
   const auto add = [&all](int node, double penetration_mm) {
     all.push_back({static_cast<std::size_t>(node), penetration_mm});
   };
-  impl_->simulation.VisitContacts(impl_->simulation.state().FarthestCurve(), add);
+  impl_->simulation->VisitContacts(impl_->simulation->state().FarthestCurve(), add);
   return all;
 }
 
 std::vector<Contact> Simulation::InstrumentContacts(std::size_t instrument) const {
   const auto hold = impl().usage.Look();
   CheckInstrument(instrument, impl_->scene);
-  const WireState& state = impl_->simulation.state();
+  const WireState& state = impl_->simulation->state();
   const int k = static_cast<int>(instrument);
   const int last = NodesBefore(impl_->lent->stack().instrument(k), state.CurveOf(k),
                                state.poses()[k].insertion_mm);
@@ -273,19 +290,19 @@ std::vector<Contact> Simulation::InstrumentContacts(std::size_t instrument) cons
     // Beyond its tip the curve has another instrument.
     if (node <= last) all.push_back({static_cast<std::size_t>(node), penetration_mm});
   };
-  impl_->simulation.VisitContacts(impl_->lent->stack().CurveOf(k), add);
+  impl_->simulation->VisitContacts(impl_->lent->stack().CurveOf(k), add);
   return all;
 }
 
 std::uint64_t Simulation::state_hash() const {
   const auto hold = impl().usage.Look();
-  return impl_->simulation.state_hash();
+  return impl_->simulation->state_hash();
 }
 
 std::vector<Reading> Simulation::readings() const {
   const auto hold = impl().usage.Look();
   std::vector<Reading> all;
-  for (effects::Reading& reading : impl_->simulation.Readings()) {
+  for (effects::Reading& reading : impl_->simulation->Readings()) {
     all.push_back({std::move(reading.name), reading.value});
   }
   return all;
@@ -293,13 +310,13 @@ std::vector<Reading> Simulation::readings() const {
 
 std::string Simulation::Record() const {
   const auto hold = impl().usage.Look();
-  return simulator::FormatRecord(impl_->simulation, false);
+  return simulator::FormatRecord(*impl_->simulation, false);
 }
 
 Forces Simulation::forces() const {
   const auto hold = impl().usage.Look();
   Forces out;
-  const InternalForces* const forces = impl_->simulation.forces();
+  const InternalForces* const forces = impl_->simulation->forces();
   if (forces == nullptr) {
     throw Error(impl_->scene.name() +
                 ": has no forces along the wire; add [effects.internal_forces]");

@@ -1,12 +1,11 @@
 // torquer._torquer: torquer.h for Python. Users import the package around it.
 #include "host/python/module.h"
 
-#include <algorithm>
 #include <array>
 #include <cstring>
 #include <functional>
-#include <iterator>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -110,62 +109,6 @@ py::array_t<double> PlacesOf(const Simulation& simulation, const Rows& points_mm
   return out;
 }
 
-// Python's names of the modes, in the order of the enumerators.
-constexpr const char* kModes[] = {"as_scene", "plain", "subtraction", "roadmap"};
-
-torquer::Imaging::Mode ModeOf(const std::string& name) {
-  const auto* const found = std::find(std::begin(kModes), std::end(kModes), name);
-  if (found != std::end(kModes)) {
-    return static_cast<torquer::Imaging::Mode>(found - std::begin(kModes));
-  }
-  throw torquer::Error("mode is '" + name + "'; give as_scene, plain, subtraction or roadmap");
-}
-
-py::tuple PlaceOf(const torquer::Wedge& wedge) {
-  return py::make_tuple(wedge.share, wedge.rotation_deg);
-}
-
-// Python's names of the orders to the power injector, in the order of the enumerators.
-constexpr const char* kOrders[] = {"off", "arm", "inject"};
-
-torquer::Injector::Order OrderOf(const std::string& name) {
-  const auto* const found = std::find(std::begin(kOrders), std::end(kOrders), name);
-  if (found != std::end(kOrders)) {
-    return static_cast<torquer::Injector::Order>(found - std::begin(kOrders));
-  }
-  throw torquer::Error("order is '" + name + "'; give off, arm or inject");
-}
-
-void AddInjector(py::module_& module) {
-  using torquer::Injector;
-  const Injector as_scene;
-  py::class_<Injector>(module, "Injector", "Order to the power injector, and its set-up.")
-      .def(py::init([](const std::string& order, double volume_mL, double rate_mL_s, double delay_s,
-                       double rise_s) {
-             const Injector made{OrderOf(order), volume_mL, rate_mL_s, delay_s, rise_s};
-             torquer::CheckInjector(made);
-             return made;
-           }),
-           py::arg("order") = kOrders[0], py::kw_only(), py::arg("volume_mL") = as_scene.volume_mL,
-           py::arg("rate_mL_s") = as_scene.rate_mL_s, py::arg("delay_s") = as_scene.delay_s,
-           py::arg("rise_s") = as_scene.rise_s,
-           "order: off; arm, for one injection; inject, which starts it. Another order stops it. "
-           "Arm it again for the next one. volume_mL: 0.1 to 150. rate_mL_s: 0.1 to 45. delay_s: "
-           "from the order to the first agent, 0 to 99.9. rise_s: time in which the rate rises "
-           "from 0, 0 to 9.9. -1: value of the scene.")
-      .def("__repr__",
-           [](const py::object& self) {
-             return Represent(self, "Injector",
-                              {"order", "volume_mL", "rate_mL_s", "delay_s", "rise_s"});
-           })
-      .def_property_readonly(
-          "order", [](const Injector& self) { return kOrders[static_cast<int>(self.order)]; })
-      .def_readonly("volume_mL", &Injector::volume_mL)
-      .def_readonly("rate_mL_s", &Injector::rate_mL_s)
-      .def_readonly("delay_s", &Injector::delay_s)
-      .def_readonly("rise_s", &Injector::rise_s);
-}
-
 // Only False ends a step; a call without a result continues it.
 std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& call) {
   if (call.is_none()) return EndsAtInterruption();
@@ -174,6 +117,14 @@ std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& ca
     const py::gil_scoped_acquire locked;
     return call(tick).ptr() != Py_False;
   };
+}
+
+// A scene of a simulation, which another thread may exchange meanwhile.
+Scene SceneOf(const Simulation& simulation, bool at_start) {
+  std::optional<Scene> scene;
+  simulation.WhileStill(
+      [&] { scene = at_start ? simulation.scene_at_start() : simulation.scene(); });
+  return *scene;
 }
 
 Simulation UnpickleSimulation(const py::tuple& fields) {
@@ -208,51 +159,6 @@ void AddSimulation(py::module_& module) {
       .def_readonly("snapped", &StepReport::snapped,
                     "True if the tip snapped: it moved much farther than the hands.")
       .def_readonly("finished", &StepReport::finished, "False if after_tick ended the step early.");
-  py::class_<Imaging>(module, "Imaging", "Settings of the X-ray system.")
-      .def(py::init([](const std::string& mode, double pulses_per_s, double magnification,
-                       double left, double right, double top, double bottom,
-                       const std::array<double, 2>& wedge_left,
-                       const std::array<double, 2>& wedge_right) {
-             const Imaging made{ModeOf(mode),
-                                pulses_per_s,
-                                magnification,
-                                left,
-                                right,
-                                top,
-                                bottom,
-                                {wedge_left[0], wedge_left[1]},
-                                {wedge_right[0], wedge_right[1]}};
-             torquer::CheckImaging(made);
-             return made;
-           }),
-           py::arg("mode") = kModes[0], py::kw_only(), py::arg("pulses_per_s") = 0.0,
-           py::arg("magnification") = 1.0, py::arg("left") = 0.0, py::arg("right") = 0.0,
-           py::arg("top") = 0.0, py::arg("bottom") = 0.0,
-           py::arg("wedge_left") = std::array<double, 2>{},
-           py::arg("wedge_right") = std::array<double, 2>{},
-           "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60; 0: as in the "
-           "scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture that "
-           "each shutter covers, 0 to 0.45. wedge_left, wedge_right: wedge filters, each as the "
-           "fraction of the picture that its edge has crossed, 0 to 0.5, and its clockwise turn in "
-           "degrees, -90 to 90.")
-      .def("__repr__",
-           [](const py::object& self) {
-             return Represent(self, "Imaging",
-                              {"mode", "pulses_per_s", "magnification", "left", "right", "top",
-                               "bottom", "wedge_left", "wedge_right"});
-           })
-      .def_property_readonly(
-          "mode", [](const Imaging& self) { return kModes[static_cast<int>(self.mode)]; })
-      .def_readonly("pulses_per_s", &Imaging::pulses_per_s)
-      .def_readonly("magnification", &Imaging::magnification)
-      .def_readonly("left", &Imaging::left)
-      .def_readonly("right", &Imaging::right)
-      .def_readonly("top", &Imaging::top)
-      .def_readonly("bottom", &Imaging::bottom)
-      .def_property_readonly("wedge_left",
-                             [](const Imaging& self) { return PlaceOf(self.wedge_left); })
-      .def_property_readonly("wedge_right",
-                             [](const Imaging& self) { return PlaceOf(self.wedge_right); });
   py::class_<Simulation>(module, "Simulation", "A running simulation of a scene.")
       .def(py::init<const Scene&>(), py::arg("scene"), NoGil(),
            "Makes a simulation at the start of the scene.")
@@ -263,15 +169,25 @@ void AddSimulation(py::module_& module) {
            [](const py::object& self) {
              return Represent(self, "Simulation", {"scene", "time_s"});
            })
-      .def_property_readonly("scene", [](const Simulation& self) { return self.scene(); })
-      .def("restart", &Simulation::Restart, NoGil(), "Returns to the start of the scene.")
+      .def_property_readonly(
+          "scene", [](const Simulation& self) { return SceneOf(self, false); },
+          "The scene, with the devices of exchange().")
+      .def_property_readonly(
+          "scene_at_start", [](const Simulation& self) { return SceneOf(self, true); },
+          "The scene with which the simulation began, to which restart() returns.")
+      .def("restart", &Simulation::Restart, NoGil(), "Returns to the start of scene_at_start.")
+      .def("exchange", &Simulation::Exchange, py::arg("instrument"), py::arg("device"), NoGil(),
+           "Exchanges an instrument for a device of host/devices, between two steps. The "
+           "instrument must be withdrawn to 0 mm. It keeps its name, length and hand, and has no "
+           "other key of the scene. All else goes on as it is. Copies and pickles have the "
+           "exchange too.")
       .def(
           "copy", [](const Simulation& self) { return std::make_unique<Simulation>(self); },
           NoGil(), "Returns an independent copy, which continues from the same state.")
       .def(py::pickle(
           [](const Simulation& self) {
             std::string saved;
-            Scene scene = self.scene();
+            Scene scene = SceneOf(self, true);
             {
               const py::gil_scoped_release free;
               saved = self.Save();
@@ -289,10 +205,10 @@ void AddSimulation(py::module_& module) {
       .def(
           "restore",
           [](Simulation& self, const Simulation& saved) {
-            if (self.scene().content_hash() != saved.scene().content_hash()) {
-              throw torquer::Error("restore of " + self.scene().name() +
-                                   " is given a simulation of " + saved.scene().name() +
-                                   "; give one of the same scene");
+            const Scene here = SceneOf(self, true);
+            if (here.content_hash() != SceneOf(saved, true).content_hash()) {
+              throw torquer::Error("restore of " + here.name() + " is given a simulation of " +
+                                   SceneOf(saved, true).name() + "; give one of the same scene");
             }
             self = saved;
           },
@@ -435,10 +351,7 @@ PYBIND11_MODULE(_torquer, module) {
   torquer::python::AddScene(module);
   torquer::python::AddSurface(module);
   torquer::python::AddSensitivity(module);
-  AddInjector(module);
+  torquer::python::AddControls(module);
   AddSimulation(module);
-  py::tuple modes(std::size(kModes));
-  for (std::size_t k = 0; k < std::size(kModes); ++k) modes[k] = kModes[k];
-  module.attr("Imaging").attr("MODES") = modes;
   torquer::python::AddNavigation(module);
 }

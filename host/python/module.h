@@ -102,6 +102,7 @@ pybind11::str Represent(const pybind11::object& self, const char* name,
 
 void AddScene(pybind11::module_& module);
 void AddSurface(pybind11::module_& module);
+void AddControls(pybind11::module_& module);
 void AddNavigation(pybind11::module_& module);
 void AddSensitivity(pybind11::module_& module);
 /// Derivatives by key.

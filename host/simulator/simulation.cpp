@@ -1,11 +1,14 @@
 #include "host/simulator/simulation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
 #include <limits>
 
 #include "host/simulator/command_limits.h"
 #include "host/simulator/wire_status.h"
+#include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
@@ -114,11 +117,15 @@ void Simulation::Restart() {
 }
 
 void Simulation::CopyFrom(const Simulation& twin) {
-  assert(scene_.content_hash() == twin.scene_.content_hash());
+  assert(scene_.names_of_effects() == twin.scene_.names_of_effects());
+  assert(scene_.start() == twin.scene_.start());
   for (std::size_t k = 0; k < scene_.effects().size(); ++k) {
     scene_.effects()[k]->CopyFrom(*twin.scene_.effects()[k]);
   }
-  state_ = twin.state_;
+  // The curve of a lone wire has room for the wire's own bend. One that was exchanged is withdrawn.
+  const bool has_room = state_.reference_twist().size() == twin.state_.reference_twist().size();
+  state_ = has_room ? twin.state_
+                    : WireState::Along(scene_.stack().empty_rod(), {}, twin.state_.poses());
   relaxation_->CopyFrom(*twin.relaxation_, state_);
   CopyTracker(twin);
   report_ = twin.report_;
@@ -131,6 +138,23 @@ void Simulation::CopyFrom(const Simulation& twin) {
   hash_ = twin.hash_;
   status_ = twin.status_;
   pictures_due_ = twin.pictures_due_;
+}
+
+void Simulation::CheckExchange(int instrument) const {
+  const std::string& name = scene_.instruments()[static_cast<std::size_t>(instrument)].name;
+  const double inserted_mm = state_.poses()[instrument].insertion_mm;
+  const double commanded_mm = target_[instrument].insertion_mm;
+  if (inserted_mm > 0 || commanded_mm > 0) {
+    throw UserError(
+        fmt::format("{} is inserted by {:g} mm, with its hand at {:g} mm, and cannot be exchanged; "
+                    "withdraw it to 0 mm first",
+                    name, inserted_mm, commanded_mm));
+  }
+  if (tracker_ == nullptr) return;
+  throw UserError(
+      fmt::format("{} cannot be exchanged while derivatives are tracked; end the tracking at the "
+                  "start of the scene first",
+                  name));
 }
 
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {

@@ -40,6 +40,7 @@ class Simulation {
   /// measurement.
   Simulation(scene::Scene& scene, EffectPrices* prices);
   /// Starts in the state of `twin`, which runs another scene of the same spec; see CopyFrom.
+  /// `scene` may have another device as one instrument (Scene::WithDevice), after CheckExchange.
   Simulation(scene::Scene& scene, const Simulation& twin);
 
   /// Makes one tick towards `command`. Poses or controls that are not valid are refused: the last
@@ -58,6 +59,9 @@ class Simulation {
   /// Copies the state of `twin`, which runs a scene of the same spec. The same commands then give
   /// the same states, bit for bit. Neither may be in a tick.
   void CopyFrom(const Simulation& twin);
+  /// Throws UserError naming the remedy if another device cannot become this instrument now. It
+  /// must be withdrawn, so that no shape, force or memory depends on it.
+  void CheckExchange(int instrument) const;
 
   const scene::Scene& scene() const { return scene_; }
   const WireState& state() const { return state_; }

@@ -45,7 +45,7 @@ std::vector<std::string> PartsOf(const Place& place) {
   return parts;
 }
 
-// Table of a list that has this name.
+// Table of a list that has this name. One without a name has its number as name, from 0.
 toml::table& Named(const Place& place, const std::string& list, toml::array& all,
                    const std::string& name) {
   std::vector<std::string> names;
@@ -54,7 +54,7 @@ toml::table& Named(const Place& place, const std::string& list, toml::array& all
     if (table == nullptr)
       place.Refuse(fmt::format("leads into {}, which is not a list of tables", list));
     names.push_back(table->get_as<std::string>("name") == nullptr
-                        ? ""
+                        ? std::to_string(names.size())
                         : table->get_as<std::string>("name")->get());
     if (names.back() == name) return *table;
   }

@@ -9,8 +9,9 @@
 
 namespace torquer {
 
-/// Sets `values` in `root`, in their order. Nodes that it sets have no place in a file. `path` is
-/// for messages. Throws UserError for a key that cannot be set.
+/// Sets `values` in `root`, in their order. Nodes that it sets have no place in a file. In a list,
+/// a table without a name has its number as name, from 0. `path` is for messages. Throws UserError
+/// for a key that cannot be set.
 void SetValues(const TomlValues& values, const std::string& path, toml::table& root);
 
 }  // namespace torquer

@@ -30,7 +30,8 @@ TEST_CASE("A long past is copied and released without deep recursion", "[api]") 
                       last_s = again.time_s;
                       return 1U;
                     },
-                .render = [](int) {}});
+                .render = [](int) {},
+                .exchange = [](std::size_t, const std::string&, std::uint64_t) {}});
   CHECK(steps == kSteps);
   CHECK(last_s == kSteps - 1);
 }

@@ -43,6 +43,8 @@ TEST_CASE("A simulation cannot be moved during a step") {
   simulation.Step(command, [&](const torquer::StepReport&) {
     CHECK_THROWS_WITH(simulation.Restart(), Contains("a step of this object is running"));
     CHECK_THROWS_WITH(simulation = saved, Contains("a step of this object is running"));
+    CHECK_THROWS_WITH(simulation.Exchange("guidewire", "sion"),
+                      Contains("a step of this object is running"));
     CHECK_THROWS_WITH(simulation.Step(command), Contains("a step of this object is running"));
     simulation.SolverErrorMm();
     looked += Simulation(simulation).state_hash() == simulation.state_hash() ? 1 : 0;
@@ -52,7 +54,9 @@ TEST_CASE("A simulation cannot be moved during a step") {
 }
 
 TEST_CASE("Threads in one simulation are let in one by one, or refused") {
-  const torquer::test::SceneFile file;
+  const torquer::test::SceneFile file(
+      "[[instrument]]\nname = \"catheter\"\ndevice = \"microcatheter_2_7f\"\n"
+      "max_length_mm = 100\n");
   Simulation simulation(Scene::FromFile(file.path()));
   const Simulation saved = simulation;
   std::atomic<int> refused = 0;
@@ -62,12 +66,17 @@ TEST_CASE("Threads in one simulation are let in one by one, or refused") {
       std::mt19937 random(seed);
       for (int k = 0; k < 300; ++k) {
         try {
-          const unsigned what = random() % 6;
+          const unsigned what = random() % 7;
           if (what == 0) simulation.Restart();
           if (what == 1) simulation = saved;
           if (what == 2) simulation.WhileStill([&] { simulation.instruments(); });
           if (what == 3) Simulation(simulation).state_hash();
           if (what == 4) simulation.SolverErrorMm();
+          // The hand of the catheter rests at 0 mm.
+          if (what == 6) {
+            simulation.Exchange("catheter",
+                                random() % 2 == 0 ? "microcatheter_2_7f" : "diagnostic_5f");
+          }
           if (what != 5) continue;
           Command command;
           simulation.WhileStill([&] { command = simulation.command(); });

@@ -232,3 +232,8 @@ def test_the_citation_is_of_this_version():
     assert cited["version"] == torquer.__version__ and cited["license"] == "Apache-2.0"
     # The fields that the format requires.
     assert cited["cff-version"] == "1.2.0" and cited["message"] and cited["title"] == "Torquer" and "authors:" in cited
+
+
+def test_errors_are_value_errors_that_name_the_file():
+    with pytest.raises(ValueError, match="no/such.toml"):
+        torquer.Scene("no/such.toml")

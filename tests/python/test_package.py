@@ -354,19 +354,23 @@ def test_a_step_in_use_is_not_moved(phantom, beating):
 def test_random_calls_of_threads_are_carried_out_or_refused(phantom):
     simulation = torquer.Simulation(phantom)
     saved = simulation.copy()
-    readers = [name for name in dir(simulation) if not name.startswith(("_", "step", "rest", "places_in", "track_"))]
+    readers = [name for name in dir(simulation) if not name.startswith(("_", "step", "rest", "exchange", "places_in", "track_"))]
     unexpected = []
 
     def calls(seed):
         random = np.random.default_rng(seed)
         for _ in range(400):
-            what = random.integers(6)
+            what = random.integers(7)
             try:
                 if what == 0:
                     hands = simulation.hands + random.uniform(-1, 2, (1, 2))
                     simulation.step(simulation.time_s + 0.02, np.maximum(hands, 0))
                 elif what == 1:
                     random.choice([simulation.restart, lambda: simulation.restore(saved)])()
+                elif what == 2:
+                    # The hand is withdrawn first; another thread may advance it meanwhile.
+                    simulation.step(simulation.time_s + 0.02, [[0, 0]])
+                    simulation.exchange("guidewire", random.choice(["sion", "samurai"]))
                 else:
                     read = getattr(simulation, random.choice(readers))
                     if callable(read):
@@ -424,11 +428,6 @@ except KeyboardInterrupt:
         assert child.communicate(timeout=60)[0] == "interrupted\n"
     finally:
         child.kill()
-
-
-def test_errors_are_value_errors_that_name_the_file():
-    with pytest.raises(ValueError, match="no/such.toml"):
-        torquer.Scene("no/such.toml")
 
 
 def test_threads_run_beside_each_other(phantom):

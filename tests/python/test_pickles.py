@@ -75,6 +75,34 @@ direction = [1.0, -0.0, -0.0]
     assert pickle.loads(pickle.dumps(scene)).content_hash == scene.content_hash
 
 
+def test_an_exchanged_simulation_is_copied_pickled_and_restored():
+    scene = torquer.Scene("ty_phantom")
+    simulation = torquer.Simulation(scene)
+    before = simulation.copy()
+    simulation.step(0.1, [[5.0, 0.0]])
+    with pytest.raises(torquer.Error, match="guidewire is inserted by 5 mm.*withdraw it to 0 mm first"):
+        simulation.exchange("guidewire", "sion")
+    simulation.step(0.2, [[0.0, 0.0]])
+    with pytest.raises(torquer.Error, match='did you mean "sion_blue"'):
+        simulation.exchange("guidewire", "sion_bleu")
+    simulation.exchange("guidewire", "sion")
+    assert simulation.scene.instruments[0].tip_radius_mm == 0.1778
+    assert simulation.scene_at_start.content_hash == scene.content_hash != simulation.scene.content_hash
+    simulation.step(0.4, [[40.0, 0.3]])
+    restored = before.copy()
+    restored.restore(simulation)
+    for twin in (pickle.loads(pickle.dumps(simulation)), copy.deepcopy(simulation), restored):
+        twin.step(0.6, [[45.0, 0.1]])
+        one = simulation.copy()
+        one.step(0.6, [[45.0, 0.1]])
+        assert twin.state_hash == one.state_hash
+        assert twin.scene.content_hash == simulation.scene.content_hash
+        twin.restore(before)
+        assert twin.state_hash == before.state_hash and twin.scene.content_hash == scene.content_hash
+    simulation.restart()
+    assert simulation.state_hash == torquer.Simulation(scene).state_hash
+
+
 def test_damaged_and_foreign_pickles_are_refused(moved):
     scene, saved = moved.__getstate__()
     blank = torquer.Simulation.__new__(torquer.Simulation)

@@ -18,7 +18,9 @@ def depth_mm(path: str) -> float:
         injector=torquer.Injector("arm", volume_mL=12),
         after_tick=lambda tick: tick.converged and not simulation.picture_due(),
     )
+    simulation.exchange("guidewire", device="sion")
+    restart: torquer.Scene = simulation.scene_at_start
     readings: Dict[str, float] = simulation.readings()
-    if not report.converged or not readings:
+    if not report.converged or not readings or restart.path != path:
         raise torquer.Error("not at rest")
     return float(scene.clearance_mm(simulation.nodes_mm).min())

@@ -59,6 +59,41 @@ TEST_CASE("A simulation follows its commands and restarts as it began", "[simula
   CHECK(simulation.state_hash() == moved);
 }
 
+TEST_CASE("A withdrawn straight wire becomes one with a long bend", "[simulator]") {
+  namespace scene = torquer::scene;
+  const auto wire = [](double tip_mm, double tip_angle_deg) {
+    return scene::With(scene::ParseScene(torquer::test::SceneText(), "small.toml", "."),
+                       {{"instrument.guidewire.inserted_at_start_mm", 0.0},
+                        {"instrument.guidewire.tip_mm", tip_mm},
+                        {"instrument.guidewire.tip_angle_deg", tip_angle_deg}});
+  };
+  scene::Scene straight(wire(0, 0));
+  scene::Scene bent(wire(60, 200));
+  CountedBudget budget(100000);
+  Simulation before(straight);
+  before.Tick(To(30), budget);
+  CHECK_THROWS_WITH(before.CheckExchange(0), Catch::Contains("inserted by 30 mm"));
+  // A hand that has come back before its wire.
+  CountedBudget none(0);
+  before.Tick(To(0, 0.5), none);
+  CHECK_THROWS_WITH(before.CheckExchange(0), Catch::Contains("its hand at 0 mm"));
+  before.Tick(To(0, 0.5), budget);
+  // A hand that is ahead of its wire.
+  before.Tick(To(3, 0.5), none);
+  CHECK_THROWS_WITH(before.CheckExchange(0), Catch::Contains("its hand at 3 mm"));
+  before.Tick(To(0, 0.5), budget);
+  before.CheckExchange(0);
+  Simulation exchanged(bent, before);
+  CHECK(exchanged.time_s() == before.time_s());
+  Simulation fresh(bent);
+  for (Simulation* const one : {&exchanged, &fresh}) {
+    one->Tick(To(0, 0.5), budget);
+    one->Tick(To(90, 0.5), budget);
+    CHECK(one->report().converged);
+  }
+  CHECK((exchanged.state().tip() - fresh.state().tip()).norm() < 1e-3);
+}
+
 TEST_CASE("A feed is relaxed in parts of the scene's longest feed", "[simulator]") {
   const auto parts = [](const std::string& keys) {
     const SceneFile file("[relaxation]\nsegment_mm = 1\n" + keys);

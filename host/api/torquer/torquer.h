@@ -105,8 +105,8 @@ using Value = std::variant<std::monostate, bool, std::int64_t, double, std::stri
                            std::vector<double>, std::vector<std::string>, std::vector<Point>>;
 /// Full keys of a scene with their values, set in this order. Examples of keys are
 /// "effects.friction.coefficient" and, for the instrument of that name,
-/// "instrument.guidewire.radius_mm". For "effects.NAME", true adds the effect with its defaults,
-/// and false removes it.
+/// "instrument.guidewire.radius_mm". Without a name in the file it has its number, from 0. For
+/// "effects.NAME", true adds the effect with its defaults, and false removes it.
 using Values = std::vector<std::pair<std::string, Value>>;
 
 /// Checked contents of a scene file, with its vessel. Copies are cheap and share the data.
@@ -323,18 +323,28 @@ class TORQUER_API Simulation {
   Simulation& operator=(Simulation&&) noexcept;
   ~Simulation();
 
-  /// Bytes from which Load restores this simulation. They have the commands since the start.
+  /// Bytes from which Load restores this simulation. They have the commands since the start, and
+  /// the names of exchanged devices.
   std::string Save() const;
   /// Makes a saved simulation again, by repeating its commands. `scene` must have the contents of
-  /// the saved simulation's scene. The result continues as the saved one does, bit for bit; this is
-  /// checked by the hash of the state. `after_tick` is called after each tick, and ends the work if
-  /// it throws. Refuses damaged bytes, and those of another Build().
+  /// the saved simulation's scene_at_start(). The result continues as the saved one does, bit for
+  /// bit; this is checked by the hash of the state. `after_tick` is called after each tick, and
+  /// ends the work if it throws. Refuses damaged bytes, and those of another Build().
   static Simulation Load(const Scene& scene, const std::string& saved,
                          const std::function<void()>& after_tick = {});
 
+  /// The scene, with the devices of Exchange. Valid until the next exchange, restart or assignment.
   const Scene& scene() const;
-  /// Returns to the start of the scene.
+  /// The scene with which the simulation began: that for Load.
+  const Scene& scene_at_start() const;
+  /// Returns to the start of scene_at_start().
   void Restart();
+  /// Exchanges an instrument for a device of host/devices, between two steps. It can be a catheter
+  /// over a resting wire, or a wire in a resting catheter. The instrument must be withdrawn to 0
+  /// mm. It keeps its name, length and hand, and has no other key of the scene. All else goes on as
+  /// it is: shapes, friction, time, blood flow, pictures, readings. Copies and saved simulations
+  /// have the exchange too. Throws Error if the device does not fit, or if derivatives are tracked.
+  void Exchange(const std::string& instrument, const std::string& device);
   /// Advances to a command; the hands move linearly from the command before. A step is divided into
   /// ticks like a row of a script (torquer-simulator --script). Both get the same states.
   StepReport Step(const Command& command);

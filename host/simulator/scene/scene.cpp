@@ -79,6 +79,18 @@ std::unique_ptr<Scene> Scene::MakeTwin() const {
   return std::unique_ptr<Scene>(new Scene(Twin{*this}));
 }
 
+std::unique_ptr<Scene> Scene::WithDevice(int instrument, const std::string& device) const {
+  const auto number = static_cast<std::size_t>(instrument);
+  try {
+    return std::make_unique<Scene>(scene::WithDevice(spec_, number, device), *this);
+  } catch (const UserError& error) {
+    throw UserError(
+        fmt::format("{} cannot be exchanged for the device {}, so it stays; choose another device "
+                    "({})",
+                    instruments_[number].name, device, error.what()));
+  }
+}
+
 void Scene::Build(const Scene* sharing) {
   wall_.stiffness_N_mm2 = spec_.vessel.wall_stiffness_N_mm2;
   MakeAxes();

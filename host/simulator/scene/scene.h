@@ -39,6 +39,9 @@ class Scene {
   /// Builds another scene of the same spec, which shares this scene's vessel and field. Both may be
   /// simulated at the same time in different threads.
   std::unique_ptr<Scene> MakeTwin() const;
+  /// Builds the scene with a device of the library as an instrument; see scene::WithDevice. It
+  /// shares this scene's vessel and field. Throws UserError naming instrument, device and remedy.
+  std::unique_ptr<Scene> WithDevice(int instrument, const std::string& device) const;
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
 

@@ -351,6 +351,22 @@ SceneSpec With(const SceneSpec& spec, const TomlValues& values) {
   return Read(spec.text, all, spec.path, spec.folder);
 }
 
+SceneSpec WithDevice(const SceneSpec& spec, std::size_t instrument, const std::string& device) {
+  const InstrumentSpec& before = spec.instruments[instrument];
+  const std::string table =
+      "instrument." + (before.origin.Has("name") ? before.name : std::to_string(instrument)) + '.';
+  TomlValues values;
+  for (const Key& key : BuildKeys().keys()) values.emplace_back(table + key.name, std::monostate());
+  values.emplace_back(table + "device", device);
+  SceneSpec base = spec;
+  // They would add up if instruments are exchanged often.
+  std::erase_if(base.values, [&values](const auto& set) {
+    return std::any_of(values.begin(), values.end(),
+                       [&set](const auto& value) { return value.first == set.first; });
+  });
+  return With(base, values);
+}
+
 std::string WriteScene(const SceneSpec& spec) {
   TomlWriter out;
   NameSpec name;

@@ -102,6 +102,9 @@ SceneSpec ParseScene(const std::string& text, const std::string& path,
 /// The scene of `spec` with other values of some keys; see TomlValues. Throws UserError. Messages
 /// about the other keys have the lines of the file.
 SceneSpec With(const SceneSpec& spec, const TomlValues& values);
+/// The scene of `spec` with a device of the library as an instrument. Of the keys of the instrument
+/// it keeps those that no device has: name, length, start and entry. Throws UserError.
+SceneSpec WithDevice(const SceneSpec& spec, std::size_t instrument, const std::string& device);
 /// Text of a scene file: the required keys, and the keys that differ from their defaults.
 std::string WriteScene(const SceneSpec& spec);
 
