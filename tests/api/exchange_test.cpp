@@ -250,8 +250,9 @@ TEST_CASE("Copies, saved simulations and restarts have their exchanges", "[api]"
   Simulation loaded = Simulation::Load(scene, simulation.Save());
   CHECK(loaded.Save() == simulation.Save());
   CHECK(loaded.scene().content_hash() == simulation.scene().content_hash());
-  Simulation assigned(scene);
+  Simulation assigned(Tray(50, 0));
   assigned = simulation;
+  CHECK(assigned.scene_at_start().content_hash() == scene.content_hash());
   for (Simulation* const one : {&simulation, &copy, &loaded, &assigned}) Move(*one, kCatheter, 9);
   for (Simulation* const one : {&copy, &loaded, &assigned}) CheckEqual(*one, simulation);
   // The scene of the exchanged simulation is another one.
