@@ -1,5 +1,7 @@
 #include "host/api/row_run.h"
 
+#include <algorithm>
+
 #include "host/api/script_ticks.h"
 #include "host/support/angles.h"
 
@@ -116,10 +118,17 @@ void RowRun::CopyFrom(const RowRun& twin) {
   begun_ = twin.begun_;
 }
 
+double RowRun::LongestTickTo(const Command& row) const {
+  // Observers sample a tick, so a tick of years would take minutes, in which nothing can end it.
+  constexpr double kLongestS = 3600;
+  const double longest_s = simulation_->longest_tick_s();
+  return row.time_s - command_.time_s > kLongestS ? std::min(longest_s, kLongestS) : longest_s;
+}
+
 StepReport RowRun::GoTo(const Command& row,
                         const std::function<bool(const StepReport& tick)>& after_tick) {
   const Command before = command_;
-  ScriptTicks ticks(before, row, simulation_->longest_tick_s());
+  ScriptTicks ticks(before, row, LongestTickTo(row));
   StepReport step;
   for (Command tick; step.finished && ticks.Next(tick);) {
     CountedBudget budget(simulation_->scene().budget_units());

@@ -46,6 +46,9 @@ class RowRun {
   void ContinueIn(simulator::Simulation& simulation) { simulation_ = &simulation; }
 
  private:
+  // Longest tick on the way to `row`.
+  double LongestTickTo(const Command& row) const;
+
   simulator::Simulation* simulation_;
   Command command_;
   bool begun_ = false;

@@ -52,7 +52,12 @@ std::vector<Sensitivity> Simulation::sensitivities() const {
     one.key = tracker->keys()[k];
     one.value = tracker->value(k);
     one.unknown = tracker->Unknown(k);
-    if (!one.unknown.empty()) continue;
+    if (!one.unknown.empty()) {
+      const simulator::SensitivityTracker::Loss& loss = tracker->LossOf(k);
+      one.unknown_since_s = loss.time_s;
+      one.first_unknown = loss.reason.empty() ? one.unknown : loss.reason;
+      continue;
+    }
     const std::vector<Eigen::Vector3d>& of_nodes = tracker->nodes_mm(k);
     for (const Eigen::Vector3d& node : of_nodes) one.nodes_mm.push_back(ToPoint(node));
     for (int i = 0; i < state.poses().size(); ++i) {

@@ -2,9 +2,11 @@
 #include <cstring>
 #include <initializer_list>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "host/python/module.h"
+#include "host/support/unit_of_name.h"
 
 namespace py = pybind11;
 
@@ -48,6 +50,19 @@ py::str Represent(const py::object& self, const char* name, std::initializer_lis
     text += property + ("=" + py::repr(self.attr(property)).cast<std::string>());
   }
   return text + ")";
+}
+
+void AddUnits(py::module_& module) {
+  module.def(
+      "unit_of",
+      [](const std::string& name) {
+        const std::string_view unit = UnitOfName(name);
+        return py::str(unit.data(), unit.size());
+      },
+      py::arg("name"),
+      "Unit of a reading, or of a field of a state, by its name: 'mN' for 'wall_force_sum_mN'; "
+      "'1': "
+      "no unit.");
 }
 
 }  // namespace torquer::python

@@ -349,6 +349,7 @@ PYBIND11_MODULE(_torquer, module) {
   module.attr("__build__") = torquer::Build();
   py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
   torquer::python::AddScene(module);
+  torquer::python::AddUnits(module);
   torquer::python::AddSurface(module);
   torquer::python::AddSensitivity(module);
   torquer::python::AddControls(module);

@@ -101,6 +101,7 @@ pybind11::str Represent(const pybind11::object& self, const char* name,
                         std::initializer_list<const char*> of);
 
 void AddScene(pybind11::module_& module);
+void AddUnits(pybind11::module_& module);
 void AddSurface(pybind11::module_& module);
 void AddControls(pybind11::module_& module);
 void AddNavigation(pybind11::module_& module);

@@ -113,11 +113,14 @@ void SensitivityTracker::Add(const scene::Scene& base, const std::string& key) {
   }
   sensitivities_.Add(*variants_[variants_.size() - 2].wire, *variants_.back().wire, step);
   keys_.push_back(key);
+  losses_.emplace_back();
   values_.push_back(value);
 }
 
 void SensitivityTracker::Restart() {
+  time_s_ = 0;
   tick_unknown_.clear();
+  losses_.assign(keys_.size(), {});
   readings_lost_ = false;
   for (const Variant& variant : variants_) {
     for (const std::unique_ptr<effects::Effect>& effect : variant.scene->effects()) {
@@ -128,6 +131,7 @@ void SensitivityTracker::Restart() {
 }
 
 void SensitivityTracker::AdvanceTime(double time_s, double step_s) {
+  time_s_ = time_s;
   for (const Variant& variant : variants_) {
     if (vessel::MovingField* moving = variant.scene->moving_field()) moving->SetTime(time_s);
     for (const std::unique_ptr<effects::Effect>& effect : variant.scene->effects()) {
@@ -147,6 +151,14 @@ void SensitivityTracker::Look(const TickReport& report, bool outside_lumen) {
     tick_unknown_ = report.stalled ? "the wire is out of balance and no step came nearer to it"
                                    : "the last tick did not converge";
   }
+  for (std::size_t k = 0; k < keys_.size(); ++k) {
+    std::string unknown = Unknown(k);
+    if (unknown.empty()) {
+      losses_[k] = {};
+    } else if (losses_[k].reason.empty()) {
+      losses_[k] = {time_s_, std::move(unknown)};
+    }
+  }
 }
 
 void SensitivityTracker::CopyFrom(const SensitivityTracker& twin) {
@@ -159,6 +171,8 @@ void SensitivityTracker::CopyFrom(const SensitivityTracker& twin) {
     variants_[k].wire->CopyFrom(*from.wire);
   }
   sensitivities_.CopyFrom(twin.sensitivities_);
+  time_s_ = twin.time_s_;
+  losses_ = twin.losses_;
   tick_unknown_ = twin.tick_unknown_;
   readings_lost_ = twin.readings_lost_;
 }

@@ -41,6 +41,12 @@ class SensitivityTracker {
   /// Reason for which the derivatives by a key are not known in the present state; empty if they
   /// are.
   std::string Unknown(std::size_t key) const;
+  /// Tick since which the derivatives by a key have not been known.
+  struct Loss {
+    double time_s = 0;
+    std::string reason;  ///< after that tick; empty: they are known, or not known from the start on
+  };
+  const Loss& LossOf(std::size_t key) const { return losses_[key]; }
   /// Derivatives of the nodes, mm per unit of the key. Valid if they are known.
   const std::vector<Eigen::Vector3d>& nodes_mm(std::size_t key) const {
     return sensitivities_.nodes_mm(key);
@@ -62,6 +68,8 @@ class SensitivityTracker {
 
   std::vector<std::string> keys_;
   std::vector<double> values_;
+  std::vector<Loss> losses_;
+  double time_s_ = 0;              // of the last tick
   std::vector<Variant> variants_;  // two for each key: more, less
   Sensitivities sensitivities_;
   std::string tick_unknown_;  // reason of the last tick; empty if there is none

@@ -46,7 +46,11 @@ def main():
         environment = dict(os.environ, LD_LIBRARY_PATH=str(library.parent))
         environment.pop("PYTHONPATH", None)
 
-        symbols = shown_symbols(library)
+        version = run(BUILD / "bin/torquer-simulator", "--version").split()[-1]
+        node = "TORQUER_" + ".".join(version.split(".")[:2])
+        symbols = [symbol for symbol in shown_symbols(library) if not symbol.startswith(node)]
+        unversioned = [symbol for symbol in symbols if not symbol.endswith(f"@@{node}")]
+        check(f"the symbols have the version of the interface: {unversioned[:5]}", not unversioned)
         check("the library shows its classes", any("Simulation::Step" in s for s in symbols))
         strangers = [
             s
@@ -72,7 +76,6 @@ def main():
         run("cmake", "-S", outside, "-B", outside / "build", f"-DCMAKE_PREFIX_PATH={prefix}")
         run("cmake", "--build", outside / "build")
         said = run(outside / "build/by_cmake", scene, env=environment)
-        version = run(BUILD / "bin/torquer-simulator", "--version").split()[-1]
         check(f"the program runs: {said}", said.split()[0] == version)
         pkg_config = dict(environment, PKG_CONFIG_PATH=str(library.parent / "pkgconfig"))
         flags = run("pkg-config", "--cflags", "--libs", "torquer", env=pkg_config).split()

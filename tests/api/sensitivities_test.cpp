@@ -319,13 +319,23 @@ TEST_CASE("A derivative that does not exist is not known, with the reason", "[ap
     REQUIRE_FALSE(simulation.Step(command).converged);
     const Sensitivity found = simulation.sensitivities().front();
     CHECK(found.unknown == "the last tick did not converge");
+    CHECK(found.unknown_since_s == 1);
+    CHECK(found.first_unknown == found.unknown);
     CHECK(found.nodes_mm.empty());
     CHECK(found.tips_mm.empty());
     // The motion goes on, and so does the memory.
     for (command.time_s = 2; !simulation.Step(command).converged; ++command.time_s) {
       REQUIRE(command.time_s < 50);
     }
-    CHECK(simulation.sensitivities().front().unknown.empty() == !remembers);
+    const Sensitivity later = simulation.sensitivities().front();
+    CHECK(later.unknown.empty() == !remembers);
+    // The tick at 1 s lost what friction remembers.
+    CHECK(later.first_unknown == (remembers ? found.unknown : ""));
+    CHECK((remembers ? later.unknown_since_s == 1 : std::isnan(later.unknown_since_s)));
+    const Simulation copy = simulation;
+    CHECK(copy.sensitivities().front().first_unknown == later.first_unknown);
+    simulation.Restart();
+    CHECK(simulation.sensitivities().front().first_unknown.empty());
   }
 }
 

@@ -99,6 +99,31 @@ TEST_CASE("A step takes ticks of the scene's length while the vessel moves", "[a
   CHECK(ticks("[effects.inertia]\n[relaxation]\nlongest_tick_ms = 20\n") == 53);
 }
 
+TEST_CASE("A step of more than an hour has ticks of an hour, so that it can be ended", "[api]") {
+  const SceneFile file;
+  Simulation simulation(Scene::FromFile(file.path()));
+  Command command = simulation.command();
+  command.time_s = 3600;
+  command.hands[0].insertion_mm += 1;
+  CHECK(simulation.Step(command).ticks == 1);
+  command.time_s += 2.5 * 3600;
+  command.hands[0].insertion_mm += 1;
+  std::vector<double> ends_s;
+  simulation.Step(command, [&](const StepReport&) {
+    ends_s.push_back(simulation.time_s());
+    return true;
+  });
+  CHECK(ends_s == std::vector<double>{7200, 10'800, 12'600});
+  // An hour across a full hour is not divided.
+  command.time_s += 3600;
+  CHECK(simulation.Step(command).ticks == 1);
+  command.time_s = 1e9;
+  const StepReport report =
+      simulation.Step(command, [&](const StepReport&) { return simulation.time_s() < 20'000; });
+  CHECK_FALSE(report.finished);
+  CHECK(simulation.time_s() == 21'600);
+}
+
 TEST_CASE("A step calls back for each tick, with the same result as without a callback", "[api]") {
   const SceneFile file(std::string(torquer::test::kFriction) + kBeating);
   const Scene scene = Scene::FromFile(file.path());

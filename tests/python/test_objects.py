@@ -90,6 +90,11 @@ def test_devices_are_those_of_scenes(phantom):
         torquer.device("sion_red")
 
 
+def test_names_have_units():
+    assert torquer.unit_of("wall_force_sum_mN") == "mN" and torquer.unit_of("heart_rate_per_min") == "1/min"
+    assert torquer.unit_of("residual") == "1"
+
+
 def test_a_scene_with_values_of_python(phantom):
     scene = phantom.with_values({"effects.friction.coefficient": 0.2})
     assert "coefficient = 0.2" in scene.text and "coefficient = 0.1" in phantom.text

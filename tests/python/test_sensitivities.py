@@ -73,7 +73,12 @@ def test_unknown_derivatives_are_none(scene):
     drive(simulation, 20, 1)
     found = simulation.sensitivities()[TIP]
     assert found.unknown and found.nodes_mm is None and found.tips_mm is None and found.readings is None
-    assert "unknown" in repr(found)
+    assert found.unknown_since_s == 0.1 and found.first_unknown == found.unknown and "unknown_since_s=0.1" in repr(found)
+    drive(simulation, 1, 3)
+    later = simulation.sensitivities()[TIP]
+    assert later.unknown_since_s == 0.1 and later.first_unknown == found.unknown
+    known = to_and_fro(scene, [TIP]).sensitivities()[TIP]
+    assert known.unknown_since_s is None and known.first_unknown is None
 
 
 def test_tracking_begins_at_the_start_and_copies_keep_it(scene):

@@ -72,7 +72,7 @@ def test_both_formats_give_the_same_arrays(tmp_path, scene):
     assert binary["state_hash"].dtype == np.uint64
     assert [str(value) for value in binary["state_hash"]] == [line["state_hash"] for line in lines]
     assert binary["time_s"].tolist() == [0.1 * k if k != 3 else 0.3 for k in range(6)]
-    assert binary.units["energy_mJ"] == "mJ"
+    assert binary.units["energy_mJ"] == "mJ" and text.units == binary.units
     if scene == "room":
         assert len(binary["guidewire.nodes_mm"][0]) != len(binary["catheter.nodes_mm"][0])
     # The inserted length grows from row to row.

@@ -20,6 +20,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -284,6 +285,11 @@ struct Sensitivity {
   double value = 0;
   /// Reason for which the derivatives of the present state are not known; empty if they are.
   std::string unknown;
+  /// End of the tick since which they have not been known, and the reason after that tick. Friction
+  /// and inertia remember the way, so the first reason can be another one. NaN and empty if they
+  /// are known.
+  double unknown_since_s = std::numeric_limits<double>::quiet_NaN();
+  std::string first_unknown;
   /// Derivatives of Simulation::nodes_mm(), mm per unit of the key. Empty if they are not known.
   std::vector<Point> nodes_mm;
   /// Derivatives of InstrumentState::tip_mm of each instrument. Empty if they are not known.

@@ -29,6 +29,7 @@ from ._torquer import (
     __build__,
     __version__,
     check_mesh,
+    unit_of,
 )
 from ._devices import Device, device, device_names, shipped
 from .states import States, read_states
@@ -54,6 +55,7 @@ __all__ = [
     "read_states",
     "scene_names",
     "scene_path",
+    "unit_of",
 ]
 
 

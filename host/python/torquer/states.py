@@ -35,7 +35,7 @@ class States(Mapping[str, Union[Array, List[Array]]]):
     def __init__(self, fields: Dict[str, Union[Array, List[Array]]], units: Dict[str, str], rows: int) -> None:
         self._fields = fields
         self.units = units
-        """Unit of each field, as "mm" or "mN/mm"; "1": no unit. Empty for a file of JSON."""
+        """Unit of each field, as "mm" or "mN/mm"; "1": no unit. A file of JSON has none, so they are those of the names."""
         self.rows = rows
 
     def __getitem__(self, name: str) -> Union[Array, List[Array]]:
@@ -144,7 +144,7 @@ def _read_json(path: str, data: bytes) -> States:
             raise Error(f"{path}:{number}: not an object with the fields of the line before; {_AGAIN}")
         rows.append(row)
     names = list(rows[0]) if rows else []
-    return States({name: _column(path, name, [row[name] for row in rows]) for name in names}, {}, len(rows))
+    return States({name: _column(path, name, [row[name] for row in rows]) for name in names}, {name: _torquer.unit_of(name) for name in names}, len(rows))
 
 
 def read_states(path: Path) -> States:

@@ -12,36 +12,11 @@
 #include "host/simulator/wire_status.h"
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
+#include "host/support/unit_of_name.h"
 
 namespace torquer::program {
 
 namespace {
-
-// A name ends with its unit. "_" in a unit means "times", but "per" in a load or a speed.
-std::string UnitOf(std::string_view name) {
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 16> kUnits = {{
-      {"_load_mN_mm", "mN/mm"},
-      {"_speed_mm_s", "mm/s"},
-      {"_mN_mm", "mN mm"},
-      {"_Gy_cm2", "Gy cm2"},
-      {"_mNs", "mN s"},
-      {"_mN", "mN"},
-      {"_mm", "mm"},
-      {"_um", "um"},
-      {"_rad", "rad"},
-      {"_mJ", "mJ"},
-      {"_us", "us"},
-      {"_s", "s"},
-      {"_mGy", "mGy"},
-      {"_mL", "mL"},
-      {"_mg", "mg"},
-      {"_kPa", "kPa"},
-  }};
-  for (const auto& [ending, unit] : kUnits) {
-    if (name.ends_with(ending)) return std::string(unit);
-  }
-  return "1";
-}
 
 class List {
  public:
@@ -52,11 +27,11 @@ class List {
     const char* const type = std::is_floating_point_v<Value> ? "f8"
                              : std::is_signed_v<Value>       ? "i8"
                                                              : "u8";
-    fields_.push_back({name, UnitOf(name), type, 0, std::move(get)});
+    fields_.push_back({name, std::string(UnitOfName(name)), type, 0, std::move(get)});
   }
   template <class Get>
   void AddNodes(const std::string& name, int values_of_node, Get get) {
-    fields_.push_back({name, UnitOf(name), "f8", values_of_node, std::move(get)});
+    fields_.push_back({name, std::string(UnitOfName(name)), "f8", values_of_node, std::move(get)});
   }
   std::vector<StateField>& fields() { return fields_; }
 
