@@ -48,6 +48,7 @@ import dataclasses, importlib, json
 import gymnasium
 import torquer
 import torquer.arches
+import torquer.steve
 
 ids = {}
 for id, keys in gymnasium.registry.items():
@@ -58,7 +59,8 @@ for id, keys in gymnasium.registry.items():
             module, name = keys[point].split(":")
             made[point] = getattr(importlib.import_module(module), name)
     given = keys.get("kwargs", {})
-    task = dataclasses.replace(torquer.envs.TASKS[given["name"]] if given else torquer.arches.TASK, max_steps=7)
+    tasks = {**torquer.envs.TASKS, **{name: torquer.steve.task(name) for name in torquer.steve.NAMES}}
+    task = dataclasses.replace(tasks[given["name"]] if given else torquer.arches.TASK, max_steps=7)
     one = made["entry_point"](**given, task=task)
     assert one.task.max_steps == 7
     ids[id] = [one.scene.name, isinstance(one, gymnasium.Env)]
@@ -94,6 +96,12 @@ def test_the_import_registers_every_task(tmp_path):
         "torquer/NeuroArch-v0": ["neuro_arch", True, True],
         "torquer/Coronary-v0": ["coronary", True, True],
         "torquer/Arches-v0": ["arch_bovine", True],
+        "torquer/BasicWireNav-v0": ["basic_wire_nav", True],
+        "torquer/BasicWireNavRealistic-v0": ["basic_wire_nav", True],
+        "torquer/ArchVariety-v0": ["arch_III", True],
+        "torquer/ArchVarietyRealistic-v0": ["arch_III", True],
+        "torquer/DualDeviceNav-v0": ["dual_device_nav", True],
+        "torquer/DualDeviceNavRealistic-v0": ["dual_device_nav", True],
     }
 
 

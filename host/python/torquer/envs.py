@@ -50,6 +50,7 @@ RENDER_MODES = ["rgb_array", "human"]
 SceneDraw = Callable[[np.random.Generator], Scene]
 """Random scenes of an environment."""
 _ARCHES = "torquer/Arches-v0"
+_STEVE = ("BasicWireNav", "ArchVariety", "DualDeviceNav")
 # Bounds of observations over those that the first of random scenes needs.
 _ROOM = 2.0
 
@@ -262,8 +263,9 @@ def make_vec(
 
 
 def register() -> None:
-    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0", and "torquer/Arches-v0". The import of torquer.envs calls
-    this where Gymnasium is installed. A second call has no effect."""
+    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0", and "torquer/Arches-v0". So are the tasks of
+    torquer.steve, as "torquer/ArchVariety-v0" and "torquer/ArchVarietyRealistic-v0". The import of torquer.envs calls this
+    where Gymnasium is installed. A second call has no effect."""
     if gymnasium is None:
         raise Error("gymnasium is not installed; use torquer.envs.make")
     for name in TASKS:
@@ -277,6 +279,12 @@ def register() -> None:
             )
     if _ARCHES not in gymnasium.registry:
         gymnasium.register(_ARCHES, entry_point="torquer.arches:make")
+    for name in _STEVE:
+        for realistic in (False, True):
+            id = f"torquer/{name}{'Realistic' if realistic else ''}-v0"
+            if id not in gymnasium.registry:
+                kwargs = {"name": name, "realistic": realistic}
+                gymnasium.register(id, entry_point="torquer.steve:make", kwargs=kwargs)
 
 
 if gymnasium is not None:
