@@ -1,14 +1,62 @@
 """The command "torquer", or python3 -m torquer."""
 
 import argparse
+import json
 import sys
+from typing import Any
 
-from . import Error, __version__, _command, benchmark, centerlines, envs, export, guide3d
+from . import Error, __version__, _command, baselines, benchmark, centerlines, envs, export, guide3d, steve
+
+
+def _add_baselines(commands: Any) -> None:
+    """Adds the commands train and evaluate."""
+    teach = commands.add_parser("train", help="train a policy for a task of stEVE_bench, with python3-torch")
+    teach.add_argument("task", metavar="TASK", help=f"the task: {', '.join(steve.NAMES)}")
+    teach.add_argument("policy", metavar="POLICY", help="file of the policy to write, .npz")
+    teach.add_argument("--realistic", action="store_true", help="stiffness and friction of real devices")
+    teach.add_argument("--steps", type=int, default=300_000, metavar="N", help="steps of the training (default: 300000)")
+    teach.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the training (default: 1)")
+    test = commands.add_parser("evaluate", help="test policies of torquer train in held-out episodes")
+    test.add_argument("policies", metavar="POLICY", nargs="*", help="files of policies")
+    test.add_argument("--pushed", metavar="TASK", help=f"also test pushing alone in a task: {', '.join(steve.NAMES)}")
+    test.add_argument("--realistic", action="store_true", help="--pushed: stiffness and friction of real devices")
+    test.add_argument("--episodes", type=int, default=100, metavar="N", help="episodes of each policy (default: 100)")
+    test.add_argument("--training", action="store_true", help="steps as accurate as in the training, and faster")
+    test.add_argument("--json", action="store_true", help="print one line of JSON")
+
+
+def _train(arguments: argparse.Namespace) -> int:
+    baselines.train(
+        arguments.task, arguments.policy, arguments.realistic, arguments.steps, arguments.seed, sys.stderr
+    )
+    print(f"policy: {arguments.policy}")
+    return 0
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    if not arguments.policies and not arguments.pushed:
+        raise Error("there is nothing to test; give a POLICY or --pushed TASK")
+    if arguments.realistic and not arguments.pushed:
+        raise Error("--realistic is for --pushed; a POLICY has its own task")
+    policies = [(path, baselines.load(path)) for path in arguments.policies]
+    rows = []
+    if arguments.pushed:
+        found = baselines.evaluate(
+            arguments.pushed, arguments.realistic, None, arguments.episodes, arguments.training, sys.stderr
+        )
+        rows.append({**found, "policy": "only pushed"})
+    for path, policy in policies:
+        found = baselines.evaluate(
+            policy.task, policy.realistic, policy.act, arguments.episodes, arguments.training, sys.stderr
+        )
+        rows.append({**found, "policy": f"{path}, seed {policy.seed}, {policy.curve[-1][0]:.0f} steps"})
+    print(json.dumps(rows) if arguments.json else baselines.as_table(rows))
+    return 0
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        prog="torquer", description="Converts wires and vessels to other formats, and measures the speed of environments."
+        prog="torquer", description="Converts wires and vessels to other formats, measures environments, and trains policies for them."
     )
     parser.add_argument("--version", action="version", version=f"torquer {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
@@ -28,8 +76,13 @@ def main() -> int:
     )
     speed.add_argument("--json", action="store_true", help="print one line of JSON")
     speed.add_argument("tasks", metavar="TASK", nargs="*", help=f"tasks to measure: {', '.join(envs.TASKS)} (default: all)")
+    _add_baselines(commands)
     arguments = parser.parse_args()
     try:
+        if arguments.command == "train":
+            return _train(arguments)
+        if arguments.command == "evaluate":
+            return _evaluate(arguments)
         if arguments.command == "benchmark":
             for name in arguments.tasks:
                 if name not in envs.TASKS:

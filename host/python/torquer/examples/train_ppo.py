@@ -46,6 +46,39 @@ class Policy(nn.Module):
         return torch.distributions.Normal(self.mean(x), self.log_width.exp())
 
 
+def optimizer(policy):
+    return torch.optim.Adam(
+        [
+            {"params": [*policy.mean.parameters(), policy.log_width], "lr": 5e-4},
+            {"params": policy.value.parameters(), "lr": 1e-3},
+        ]
+    )
+
+
+def advantages(gains, last, ends, before, behind):
+    """Generalized advantages of each step and environment. last: the episode terminated; ends: it ended; before, behind:
+    values of the observations before and behind a step."""
+    out, carried = torch.zeros_like(before), torch.zeros(before.shape[1])
+    for k in reversed(range(len(before))):
+        surprise = gains[k] + DISCOUNT * behind[k] * ~last[k] - before[k]
+        carried = surprise + DISCOUNT * TRACE * ~ends[k] * carried
+        out[k] = carried
+    return out
+
+
+def improve(policy, adam, x, a, old, advantage, target):
+    """One update of the policy. old: logarithms of the probabilities of the actions a; target: values of x."""
+    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    for _ in range(EPOCHS):
+        for rows in torch.randperm(len(x)).split(BATCH):
+            ratio = (policy.actions(x[rows]).log_prob(a[rows]).sum(1) - old[rows]).exp()
+            gain = torch.minimum(ratio * advantage[rows], ratio.clamp(1 - CLIP, 1 + CLIP) * advantage[rows])
+            error = policy.value(x[rows]).squeeze(1) - target[rows]
+            adam.zero_grad()
+            (-gain.mean() + 0.5 * (error**2).mean()).backward()
+            adam.step()
+
+
 def scaled(observations):
     """Scales millimeters to about one; cosine and sine stay."""
     out = torch.tensor(observations, dtype=torch.float32)
@@ -80,12 +113,7 @@ def main(picture="train_ppo.png", updates=25, seed=1):
     task = fine.for_training()
     env = torquer.envs.VectorEnv(torquer.scene_path("coronary"), COUNT, task=task)
     policy = Policy(env.single_observation_space.shape[0], env.single_action_space.shape[0])
-    adam = torch.optim.Adam(
-        [
-            {"params": [*policy.mean.parameters(), policy.log_width], "lr": 5e-4},
-            {"params": policy.value.parameters(), "lr": 1e-3},
-        ]
-    )
+    adam = optimizer(policy)
 
     curve = []
     now = scaled(env.reset(seed=COUNT * (seed - 1))[0])
@@ -117,23 +145,9 @@ def main(picture="train_ppo.png", updates=25, seed=1):
             before = policy.value(x).reshape(LENGTH, COUNT)
             behind = policy.value(torch.cat(after)).reshape(LENGTH, COUNT)
             old = policy.actions(x).log_prob(a).sum(1)[keep]
-        advantages, carried = torch.zeros(LENGTH, COUNT), torch.zeros(COUNT)
-        for k in reversed(range(LENGTH)):
-            surprise = gains[k] + DISCOUNT * behind[k] * ~last[k] - before[k]
-            carried = surprise + DISCOUNT * TRACE * ~ends[k] * carried
-            advantages[k] = carried
-        target = (advantages + before).flatten()[keep]
-        advantage = advantages.flatten()[keep]
-        advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-        x, a = x[keep], a[keep]
-        for _ in range(EPOCHS):
-            for rows in torch.randperm(len(x)).split(BATCH):
-                ratio = (policy.actions(x[rows]).log_prob(a[rows]).sum(1) - old[rows]).exp()
-                gain = torch.minimum(ratio * advantage[rows], ratio.clamp(1 - CLIP, 1 + CLIP) * advantage[rows])
-                error = policy.value(x[rows]).squeeze(1) - target[rows]
-                adam.zero_grad()
-                (-gain.mean() + 0.5 * (error**2).mean()).backward()
-                adam.step()
+        advantage = advantages(gains, last, ends, before, behind)
+        target = (advantage + before).flatten()[keep]
+        improve(policy, adam, x[keep], a[keep], old, advantage.flatten()[keep], target)
         rates = [count / max(1, episodes) for count in (reached, safe)]
         curve.append((update * LENGTH * COUNT, *rates))
         if update % 5 == 0 or update == updates:

@@ -1,0 +1,178 @@
+"""Policies for the tasks of stEVE_bench: training, files and evaluation."""
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torquer
+import torquer.baselines as baselines
+import torquer.steve as steve
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Short episodes, few environments and small updates."""
+    whole = steve.task
+
+    def task(name, training=False):
+        return dataclasses.replace(whole(name, True), max_steps=5)
+
+    monkeypatch.setattr(steve, "task", task)
+    monkeypatch.setattr(baselines, "_COUNT", 2)
+    monkeypatch.setattr(baselines, "_LENGTH", 6)
+    monkeypatch.setattr(baselines, "_TRAINING_STEPS", 4)
+
+
+def trained(path, name="BasicWireNav", seed=1, realistic=False):
+    pytest.importorskip("torch")
+    return baselines.train(name, str(path), realistic, 24, seed)
+
+
+def test_a_policy_is_trained_by_the_seed_and_read_again(short, tmp_path):
+    policy = trained(tmp_path / "a.npz")
+    read = baselines.load(str(tmp_path / "a.npz"))
+    assert (read.task, read.realistic, read.seed) == ("BasicWireNav", False, 1)
+    # Two updates of 6 steps in each environment. Its episodes have 4 steps.
+    assert read.curve[:, 0].tolist() == [12, 24] and read.curve[:, 1].tolist() == [2, 4]
+    env = steve.make("BasicWireNav")
+    x = baselines.features(env.reset(seed=1)[0])
+    assert (policy.act(x) == read.act(x)).all() and read.act(x).shape == (2,) and (abs(read.act(x)) <= 1).all()
+    again, other = trained(tmp_path / "b.npz"), trained(tmp_path / "c.npz", seed=2)
+    assert all((a == b).all() for a, b in zip(policy.weights, again.weights))
+    assert any((a != b).any() for a, b in zip(policy.weights, other.weights))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.npz", "b.npz", "c.npz"]
+
+
+def test_a_policy_acts_as_its_network(short, tmp_path):
+    torch = pytest.importorskip("torch")
+    policy = trained(tmp_path / "a.npz", "DualDeviceNav", realistic=True)
+    layers = []
+    for k in range(0, len(policy.weights), 2):
+        layer = torch.nn.Linear(policy.weights[k].shape[1], policy.weights[k].shape[0])
+        layer.load_state_dict({"weight": torch.tensor(policy.weights[k]), "bias": torch.tensor(policy.weights[k + 1])})
+        layers += [layer, torch.nn.Tanh()]
+    network = torch.nn.Sequential(*layers[:-1])
+    for x in np.random.default_rng(1).normal(size=(5, policy.weights[0].shape[1])).astype(np.float32):
+        with torch.no_grad():
+            expected = network(torch.tensor(x)).clamp(-1, 1).numpy()
+        assert policy.act(x) == pytest.approx(expected, abs=1e-6) and len(expected) == 4
+
+
+def test_a_policy_of_another_build_is_refused(short, tmp_path, monkeypatch):
+    path = str(tmp_path / "a.npz")
+    with monkeypatch.context() as other:
+        other.setattr(baselines, "__build__", "0123abc")
+        trained(path)
+    with pytest.raises(torquer.Error, match=f"a.npz: is a policy of the build 0123abc, but this is {torquer.__build__}; train"):
+        baselines.load(path)
+
+
+def test_a_file_that_is_no_policy_is_refused(tmp_path):
+    (tmp_path / "text.npz").write_text("no policy")
+    np.savez(tmp_path / "other.npz", about=np.array("{}"))
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "other.npz").read_bytes()[:60])
+    for name in ("text", "other", "cut"):
+        with pytest.raises(torquer.Error, match=f"{name}.npz: is no policy; give a file that torquer train wrote"):
+            baselines.load(str(tmp_path / f"{name}.npz"))
+    with pytest.raises(torquer.Error, match="missing.npz: cannot be read"):
+        baselines.load(str(tmp_path / "missing.npz"))
+
+
+def test_a_policy_that_cannot_be_written_leaves_nothing(tmp_path):
+    policy = baselines.Policy("BasicWireNav", False, 1, [np.zeros((2, 2)), np.zeros(2)], np.zeros((1, 4)))
+    (tmp_path / "a.npz").mkdir()
+    with pytest.raises(torquer.Error, match="a.npz: cannot be written .*; check the disk and permissions"):
+        policy.save(str(tmp_path / "a.npz"))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
+    """A stand-in for the environment has known results."""
+    made = []
+
+    class Stand:
+        action_space = steve.make("BasicWireNav").action_space
+
+        def __init__(self, name, realistic, task):
+            made.append((name, realistic, task))
+            self.seeds = []
+
+        def reset(self, seed):
+            self.seeds.append(seed)
+            self.step_count = 0
+            made[0] += (seed,)
+            zeros = {"tracking": np.zeros((2, 3, 2)), "target": np.zeros(2), "last_action": np.zeros((1, 2))}
+            return zeros, {"time_s": 0.5}
+
+        def step(self, action):
+            assert action == pytest.approx(np.array([[35.0, 0.0]]))
+            self.step_count += 1
+            k = len(self.seeds) - 1
+            end = self.step_count == 3
+            info = {
+                "success": end and k != 1,
+                "safe_success": {0: True, 1: False, 2: None}[k] if end else False,
+                "time_s": 0.5 + (k + 1) * self.step_count,
+                "path_ratio": 0.25 * (k + 1),
+                "wall_force_mN": [10.0 * (k + 1), math.nan if k == 2 else 40.0, 5.0][self.step_count - 1],
+                "target": "lcca",
+            }
+            return self._none(), 0.0, end and k != 1, end and k == 1, info
+
+        def _none(self):
+            return {"tracking": np.zeros((2, 3, 2)), "target": np.zeros(2), "last_action": np.zeros((1, 2))}
+
+    monkeypatch.setattr(steve, "SteveEnv", Stand)
+    found = baselines.evaluate("BasicWireNav", True, None, 3)
+    name, realistic, task, *seeds = made[0]
+    assert (name, realistic, task.max_steps, task.tolerance) == ("BasicWireNav", True, 1000, 1e-4)
+    assert seeds == [1_000_000, 1_000_001, 1_000_002]
+    assert (found["reached"], found["safe"], found["safety_unknown"], found["episodes"]) == (2, 1, 1, 3)
+    # Episodes 0 and 2 last for 3 and 9 s.
+    assert found["time_s"] == pytest.approx(6) and found["path_ratio"] == pytest.approx(0.5)
+    assert (found["force_p50_mN"], found["force_max_mN"], found["steps_of_unknown_force"]) == (40, 40, 1)
+    table = baselines.as_table([{**found, "policy": "only pushed"}]).splitlines()
+    assert table[2] == "| BasicWireNav, realistic | only pushed | 2 of 3 | 1, 1 | 6.0 | 0.50 | 40, 40 |"
+
+
+def test_evaluations_repeat(short, tmp_path):
+    policy = trained(tmp_path / "a.npz", "ArchVariety")
+    first = baselines.evaluate("ArchVariety", False, policy.act, 3)
+    assert first == baselines.evaluate("ArchVariety", False, policy.act, 3)
+    assert first["reached"] == 0 and first["time_s"] is None
+    assert first != baselines.evaluate("ArchVariety", False, None, 3)
+
+
+def torquer_command(*arguments):
+    return subprocess.run(
+        [sys.executable, "-B", "-m", "torquer", *arguments], capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def test_the_command_refuses_bad_arguments(tmp_path):
+    for arguments, message in (
+        (["evaluate"], "there is nothing to test; give a POLICY or --pushed TASK"),
+        (["evaluate", "--pushed", "Basic"], "there is no task 'Basic' of stEVE_bench"),
+        (["evaluate", "--realistic", "a.npz"], "--realistic is for --pushed"),
+        (["evaluate", "--pushed", "BasicWireNav", "--episodes", "0"], "episodes is 0; give a whole number from 1"),
+        (["evaluate", str(tmp_path / "none.npz")], "none.npz: cannot be read"),
+        (["train", "Basic", str(tmp_path / "a.npz")], "there is no task 'Basic' of stEVE_bench"),
+        (["train", "BasicWireNav", str(tmp_path / "a.npz"), "--steps", "0"], "steps is 0; give a whole number from 1"),
+        (["train", "BasicWireNav", str(tmp_path / "no/a.npz"), "--steps", "1"], "there is no folder"),
+    ):
+        done = torquer_command(*arguments)
+        assert done.returncode == 2 and message in done.stderr and done.stdout == "", (arguments, done.stderr)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_prints_one_line_of_json(tmp_path, monkeypatch, capsys, short):
+    import torquer.__main__ as program
+
+    monkeypatch.setattr(sys, "argv", ["torquer", "evaluate", "--pushed", "BasicWireNav", "--episodes", "2", "--json"])
+    assert program.main() == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["task"], row["policy"], row["episodes"], row["reached"]) == ("BasicWireNav", "only pushed", 2, 0)
