@@ -21,7 +21,7 @@ set(torquer_common_headers
 # Sources of a target are compiled in batches, which share their headers. This saves a sixth of the release build. Names
 # must therefore differ within a target, those in unnamed namespaces too.
 set(CMAKE_UNITY_BUILD ON)
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 24)
 
 # torquer_precompiled(NAME [LINK x..] [OPTIONS -f..] HEADERS <a>..): a set of precompiled headers.
 function(torquer_precompiled name)
@@ -212,7 +212,7 @@ function(torquer_test name)
   set(CMAKE_CROSSCOMPILING_EMULATOR ${runner})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE torquer_build_rules torquer_test_support
-    Catch2::Catch2WithMain torquer_test_options ${ARG_LINK})
+    Catch2::Catch2WithMain torquer_test_options torquer_test_wires ${ARG_LINK})
   if(TORQUER_PRECOMPILE)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_test_headers)
   endif()

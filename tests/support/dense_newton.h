@@ -1,9 +1,10 @@
 // Comparison of the sweep's step with the dense Newton system.
 #pragma once
 
-#include <Eigen/Dense>
-#include <catch2/catch.hpp>
+#include <Eigen/Core>
+#include <functional>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "host/simulator/core/newton/front_sweep.h"
@@ -13,56 +14,27 @@
 namespace torquer::test {
 
 /// Gradient with respect to all unknowns: for each segment its step, then its spins.
-inline Eigen::VectorXd DenseGradient(const WireModel& model, const Curve& state,
-                                     const CurveQuadraticModel& at) {
-  const Eigen::Index spins = model.spins();
-  const Eigen::Index each = 2 + spins;
-  Eigen::VectorXd gradient(each * state.segments());
-  for (Eigen::Index i = 0; i < state.segments(); ++i) {
-    gradient.segment<2>(each * i) = at.gradient[static_cast<std::size_t>(i)];
-    for (Eigen::Index k = 0; k < spins; ++k) {
-      gradient[each * i + 2 + k] = at.spin_gradient[static_cast<std::size_t>(i * spins + k)];
-    }
-  }
-  return gradient;
-}
+Eigen::VectorXd DenseGradient(const WireModel& model, const Curve& state,
+                              const CurveQuadraticModel& at);
 
 /// Steps and spins of all segments, in the order of DenseGradient.
-inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector2d>& step,
-                                const std::vector<double>& spin) {
-  const auto spins = static_cast<std::size_t>(model.spins());
-  Eigen::VectorXd all(static_cast<Eigen::Index>(step.size() * (2 + spins)));
-  Eigen::Index at = 0;
-  for (std::size_t i = 0; i < step.size(); ++i) {
-    for (const double component : step[i]) all[at++] = component;
-    for (std::size_t k = 0; k < spins; ++k) all[at++] = spin[i * spins + k];
-  }
-  return all;
-}
+Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector2d>& step,
+                         const std::vector<double>& spin);
 
 /// Diagonal for a weight of one: the softer of a segment's two joints. `state` is the curve of
 /// `model`.
-inline Eigen::VectorXd UnitWeight(const WireModel& model, const Curve& state) {
-  const Eigen::Index each = 2 + model.spins();
-  const int n = state.segments();
-  Eigen::VectorXd unit(each * n);
-  for (int i = 0; i < n; ++i) {
-    unit.segment<2>(each * i).setConstant(
-        std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1)));
-    if (model.twists()) {
-      unit[each * i + 2] = std::min(model.torsional_rigidity_N_mm2(n - i),
-                                    model.torsional_rigidity_N_mm2(n - i - 1));
-      continue;
-    }
-    for (int k = 0; k < model.spins(); ++k) {
-      const auto at = static_cast<std::size_t>(model.first_spin() + k);
-      unit[each * i + 2 + k] =
-          std::min(model.twisting_joint(n - i).of[at].torsional_rigidity_N_mm2,
-                   model.twisting_joint(n - i - 1).of[at].torsional_rigidity_N_mm2);
-    }
-  }
-  return unit;
-}
+Eigen::VectorXd UnitWeight(const WireModel& model, const Curve& state);
+
+/// Calls of one sweep, whatever its type.
+struct SweepCalls {
+  std::function<bool(double weight)> factor;            ///< false: not positive definite
+  std::function<double(std::vector<CurveStep>&)> step;  ///< returns the predicted decrease, mJ
+};
+
+/// See CheckSweepIsDense.
+void CheckStepIsDense(const SweepCalls& sweep, const WireModel& model, const WireState& state,
+                      const QuadraticModel& at, Eigen::MatrixXd hessian,
+                      const Eigen::VectorXd& unit, double weight);
 
 /// Checks that the sweep is positive definite exactly if `hessian` (of all unknowns) plus the
 /// weight is. Also checks that its step solves the system with a larger weight. `unit` is the
@@ -71,34 +43,18 @@ template <class Sweep>
 void CheckSweepIsDense(Sweep& sweep, const WireModel& model, const WireState& state,
                        const QuadraticModel& at, Eigen::MatrixXd hessian,
                        const Eigen::VectorXd& unit, double weight) {
-  // The Hessian stops being positive definite at minus its smallest eigenvalue as weight.
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      hessian, Eigen::MatrixXd(unit.asDiagonal()));
-  const double lift = -eigen.eigenvalues()[0];
-  const auto factor = [&](double with) {
-    if constexpr (std::is_same_v<Sweep, FrontSweep>) {
-      return sweep.Factor(state, at, with);
-    } else {
-      return sweep.Factor(model, state, at, with);
-    }
-  };
-  CHECK_FALSE(factor(lift - 1e-3));
-  CHECK(factor(lift + 1e-3));
-
-  hessian.diagonal() += (lift + weight) * unit;
-  const Eigen::VectorXd gradient = DenseGradient(model, state, at);
-  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
-  REQUIRE(factor(lift + weight));
-  std::vector<CurveStep> steps(1);
-  CurveStep& step = steps.front();
-  double predicted = 0;
+  SweepCalls calls;
   if constexpr (std::is_same_v<Sweep, FrontSweep>) {
-    predicted = sweep.Step(state, at, steps);
+    calls = {[&](double with) { return sweep.Factor(state, at, with); },
+             [&](std::vector<CurveStep>& steps) { return sweep.Step(state, at, steps); }};
   } else {
-    predicted = sweep.Step(model, state, at, step.xi, step.spin, step.displacement_mm);
+    calls = {[&](double with) { return sweep.Factor(model, state, at, with); },
+             [&](std::vector<CurveStep>& steps) {
+               CurveStep& step = steps.front();
+               return sweep.Step(model, state, at, step.xi, step.spin, step.displacement_mm);
+             }};
   }
-  CHECK((Unknowns(model, step.xi, step.spin) - dense).norm() < 1e-5 * dense.norm());
-  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+  CheckStepIsDense(calls, model, state, at, std::move(hessian), unit, weight);
 }
 
 }  // namespace torquer::test
