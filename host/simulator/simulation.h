@@ -141,6 +141,8 @@ class Simulation {
   };
 
   void FindRoles();
+  effects::TickView View(double step_s, const effects::Controls& controls,
+                         bool relaxed_at_start) const;
   template <class Act>
   void Priced(std::size_t effect, Act&& act);
   void DescribeInstruments(torquer_lcm::wire_state_t& out) const;
@@ -166,6 +168,9 @@ class Simulation {
   std::vector<EffectRole<effects::ImageSource>> images_;
   std::vector<bool> pictures_due_;
   effects::MotionLimit* limit_ = nullptr;
+  EffectRole<effects::Comparison> comparison_{};
+  std::unique_ptr<scene::Scene> coarse_scene_;  // null without a comparison
+  std::unique_ptr<Simulation> coarse_;          // runs coarse_scene_
   bool is_time_dependent_ = false;
   WireState state_;
   TickReport report_;

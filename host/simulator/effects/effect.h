@@ -221,6 +221,16 @@ class MotionLimit {
   virtual std::uint64_t Hash(std::uint64_t seed) const = 0;
 };
 
+/// Role *comparison*: compares the state with that of a second run of the scene, whose segments are
+/// kSegmentFactor times as long. A scene with this role has that run.
+class Comparison {
+ public:
+  static constexpr double kSegmentFactor = 2;
+  virtual ~Comparison() = default;
+  /// Reads both runs after the same tick, before the observers. They have equally many curves.
+  virtual void Compare(const TickView& tick, const TickView& coarse) = 0;
+};
+
 /// Role *image*: renders pictures, in its own thread if there is one.
 class ImageSource {
  public:
@@ -256,6 +266,7 @@ class Effect {
   virtual Observer* observer() { return nullptr; }
   virtual ImageSource* image() { return nullptr; }
   virtual MotionLimit* limit() { return nullptr; }
+  virtual Comparison* comparison() { return nullptr; }
 
   /// FNV-1a of the files that the effect has read; 0 for none.
   virtual std::uint64_t FileHash() const { return 0; }

@@ -20,6 +20,7 @@
 #include "host/simulator/effects/observers/internal_forces.h"
 #include "host/simulator/effects/observers/outlets.h"
 #include "host/simulator/effects/observers/patient_monitor.h"
+#include "host/simulator/effects/observers/segment_error.h"
 #include "host/simulator/effects/observers/wall_force.h"
 
 namespace torquer::effects {
@@ -31,6 +32,7 @@ const std::vector<EffectKind>& AllEffects() {
       GravityKind(),        InertiaKind(),      PointLoadKind(),   WallForceKind(),
       InternalForcesKind(), AssessmentKind(),   FlowKind(),        ContrastKind(),
       FluoroscopyKind(),    LateralPlaneKind(), OutletsKind(),     PatientMonitorKind(),
+      SegmentErrorKind(),
   };
   return kinds;
 }
