@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "host/simulator/core/newton/move_instruments.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "tests/support/allocation_counter.h"
 #include "tests/support/crossing_curves.h"
