@@ -12,17 +12,25 @@ namespace torquer::simulator {
 
 namespace {
 
+// True if the effect changes the instruments before they are cut into segments.
+bool ShapesWire(const std::string& effect) {
+  const std::vector<effects::EffectKind>& kinds = effects::AllEffects();
+  return std::any_of(kinds.begin(), kinds.end(), [&](const effects::EffectKind& kind) {
+    return kind.name == effect && (kind.shape != nullptr || kind.room != nullptr);
+  });
+}
+
 bool ActsOnWire(effects::Effect& effect) {
   return effect.energy_term() != nullptr || effect.wall_stiffness() != nullptr ||
          effect.motion() != nullptr || effect.timed() != nullptr || effect.limit() != nullptr;
 }
 
-// Names of the effects that a scene needs only to observe the wire. Effects that merely shape the
-// wire are not among scene.effects().
+// Names of the effects that only observe the wire.
 std::vector<std::string> NamesOfObservers(const scene::Scene& scene) {
   std::vector<std::string> names;
   for (std::size_t k = 0; k < scene.effects().size(); ++k) {
-    if (!ActsOnWire(*scene.effects()[k])) names.push_back(scene.names_of_effects()[k]);
+    const std::string& name = scene.names_of_effects()[k];
+    if (!ShapesWire(name) && !ActsOnWire(*scene.effects()[k])) names.push_back(name);
   }
   return names;
 }

@@ -142,6 +142,7 @@ rate_per_min = 70
       {"fluoroscopy", "[effects.fluoroscopy]\n"},
       {"lateral_plane", "[effects.lateral_plane]\n"},
       {"patient_monitor", "[effects.patient_monitor]\nat = \"entry\"\n"},
+      {"segment_error", "[effects.segment_error]\n"},
   };
   return tables;
 }

@@ -10,6 +10,7 @@
 #include "host/study/experiments.h"
 #include "host/study/paper.h"
 #include "host/study/scaling.h"
+#include "host/study/segments.h"
 #include "host/study/study.h"
 #include "host/study/torture.h"
 #include "host/study/trace.h"
@@ -27,6 +28,7 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
   studies.push_back(MakeExperimentsStudy());
   studies.push_back(MakePaperStudy());
   studies.push_back(MakeScalingStudy());
+  studies.push_back(MakeSegmentsStudy());
   studies.push_back(MakeTortureStudy());
   studies.push_back(MakeTraceStudy());
   studies.push_back(MakeTwistStudy());

@@ -53,6 +53,7 @@ const std::vector<Named>& All() {
       {"wall_force", "[effects.wall_force]\nthreshold_mN = 0.5\n"},
       {"internal_forces", "[effects.internal_forces]\n"},
       {"outlets", "[effects.outlets]\n"},
+      {"segment_error", "[effects.segment_error]\n"},
       {"assessment",
        "[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 200\n"
        "force_limit_mN = 1\n",

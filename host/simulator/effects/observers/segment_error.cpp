@@ -1,8 +1,10 @@
 #include "host/simulator/effects/observers/segment_error.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <memory>
 
 namespace torquer::effects {
@@ -14,11 +16,13 @@ bool IsAtRest(const TickView& tick) {
 }
 
 // Largest distance between nodes of the same place along the wire. Nodes are counted from the tip,
-// because the first segment takes what is left of the length.
+// because the first segment takes what is left of the length. NaN for a wire that is too short.
 double LargestDistanceMm(const Curve& fine, const Curve& coarse) {
   constexpr auto kStride = static_cast<int>(Comparison::kSegmentFactor);
   const int last = fine.segments();
   const int last_coarse = coarse.segments();
+  constexpr int kFewest = 2;
+  if (last > 0 && last_coarse < kFewest) return std::numeric_limits<double>::quiet_NaN();
   double largest_mm = 0;
   // The first node of either curve is its entry.
   for (int back = 0; back < last_coarse && kStride * back < last; ++back) {
@@ -43,12 +47,14 @@ void SegmentError::CopyFrom(const Effect& twin) {
 }
 
 void SegmentError::Compare(const TickView& tick, const TickView& coarse) {
+  assert(tick.state.curves() == coarse.state.curves());
   error_mm_ = kUnknown;
   if (!IsAtRest(tick) || !IsAtRest(coarse)) return;
   double largest_mm = 0;
   for (int c = 0; c < tick.state.curves(); ++c) {
-    largest_mm =
-        std::max(largest_mm, LargestDistanceMm(tick.state.curve(c), coarse.state.curve(c)));
+    const double apart_mm = LargestDistanceMm(tick.state.curve(c), coarse.state.curve(c));
+    if (std::isnan(apart_mm)) return;
+    largest_mm = std::max(largest_mm, apart_mm);
   }
   error_mm_ = kErrorOverDistance * largest_mm;
   largest_ever_mm_ = std::fmax(largest_ever_mm_, error_mm_);
