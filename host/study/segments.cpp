@@ -160,7 +160,7 @@ class SegmentsStudy final : public Study {
     run.Say("Before the rows that count, the hands advance by 120 mm.");
     table_ = {.caption = "Estimated and true error of a node",
               .header = {"scene", "rows", "known", "error p50 mm", "p95", "estimate p50", "p95",
-                         "covered", "above 2 mm", "of them announced", "time"},
+                         "covered", "above 2 mm", "announced", "time"},
               .rows = {}};
     const unsigned seeds = run.quick() ? 1 : 3;
     SceneErrors all;

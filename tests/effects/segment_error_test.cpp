@@ -1,5 +1,4 @@
-// Segment error: the estimate covers the true error, costs no bit of the state, and is null where
-// it is not known.
+// Segment error: the estimate covers the true error, keeps the state, and is NaN where unknown.
 #include "host/simulator/effects/observers/segment_error.h"
 
 #include <algorithm>

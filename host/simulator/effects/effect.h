@@ -221,8 +221,8 @@ class MotionLimit {
   virtual std::uint64_t Hash(std::uint64_t seed) const = 0;
 };
 
-/// Role *comparison*: compares the state with that of a second run of the scene, whose segments are
-/// kSegmentFactor times as long. A scene with this role has that run.
+/// Role *comparison*: compares the state with that of a second run of the scene. Its segments are
+/// kSegmentFactor times as long.
 class Comparison {
  public:
   static constexpr double kSegmentFactor = 2;

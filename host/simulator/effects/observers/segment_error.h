@@ -10,8 +10,8 @@ namespace torquer::effects {
 
 /// Estimates the error by the length of the segments from a second run with longer ones. It holds
 /// in contact, with friction and with every other effect, because both runs have the same history.
-/// It is not known while either run has not reached its targets in equilibrium, and while a wire is
-/// too short for two segments of the second run.
+/// It is not known while either run has not reached its targets in equilibrium. It is not known
+/// either for a wire that is too short for two segments of the second run.
 class SegmentError final : public Effect, public Observer, public Comparison {
  public:
   /// Error over the distance between the two runs: 1 / (2^p - 1) for a method of order p, here
