@@ -194,7 +194,9 @@ class Draw {
     if (assessment || Chance(0.3)) Add("[effects.wall_force]\nthreshold_mN = 30\n\n");
     if (Chance(0.5)) Add("[effects.internal_forces]\n\n");
     // Uses no random number, so that the rest of the scene does not change.
-    if (std::mt19937(random_)() % 4 == 0) Add("[effects.outlets]\n\n");
+    const unsigned draw = std::mt19937(random_)() % 4;
+    if (draw == 0) Add("[effects.outlets]\n\n");
+    if (draw == 1) Add("[effects.segment_error]\n\n");
     if (assessment) {
       Add("[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 50\n"
           "force_limit_mN = 100\n\n");
