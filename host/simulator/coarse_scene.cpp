@@ -1,5 +1,7 @@
 #include "host/simulator/coarse_scene.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <string>
@@ -7,6 +9,7 @@
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
+#include "host/support/error.h"
 
 namespace torquer::simulator {
 
@@ -35,16 +38,34 @@ std::vector<std::string> NamesOfObservers(const scene::Scene& scene) {
   return names;
 }
 
+[[noreturn]] void Refuse(const scene::SceneSpec& spec, const std::string& effect,
+                         const std::string& reason) {
+  const double segment_mm = effects::Comparison::kSegmentFactor * spec.relaxation.segment_mm;
+  const std::string problem = fmt::format(
+      "it compares with segments of {:g} mm, which this scene cannot have ({}); set "
+      "relaxation.segment_mm to less, or remove [effects.{}]",
+      segment_mm, reason, effect);
+  for (const scene::EffectSpec& of : spec.effects) {
+    if (of.name == effect) of.origin.Refuse(effect, problem);
+  }
+  throw UserError(problem);
+}
+
 }  // namespace
 
-std::unique_ptr<scene::Scene> MakeCoarseScene(const scene::Scene& scene) {
+std::unique_ptr<scene::Scene> MakeCoarseScene(const scene::Scene& scene,
+                                              const std::string& effect) {
   scene::SceneSpec spec = scene.spec();
   spec.relaxation.segment_mm *= effects::Comparison::kSegmentFactor;
   const std::vector<std::string> observers = NamesOfObservers(scene);
-  std::erase_if(spec.effects, [&](const scene::EffectSpec& effect) {
-    return std::find(observers.begin(), observers.end(), effect.name) != observers.end();
+  std::erase_if(spec.effects, [&](const scene::EffectSpec& of) {
+    return std::find(observers.begin(), observers.end(), of.name) != observers.end();
   });
-  return std::make_unique<scene::Scene>(std::move(spec), scene);
+  try {
+    return std::make_unique<scene::Scene>(std::move(spec), scene);
+  } catch (const UserError& error) {
+    Refuse(scene.spec(), effect, error.what());
+  }
 }
 
 }  // namespace torquer::simulator

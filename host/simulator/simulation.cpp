@@ -88,7 +88,7 @@ void Simulation::FindRoles() {
     effects::Comparison* comparison = scene_.effects()[k]->comparison();
     if (comparison == nullptr) continue;
     comparison_ = {comparison, k};
-    coarse_scene_ = MakeCoarseScene(scene_);
+    coarse_scene_ = MakeCoarseScene(scene_, scene_.names_of_effects()[k]);
     coarse_ = std::make_unique<Simulation>(*coarse_scene_);
   }
   pictures_due_.resize(images_.size());

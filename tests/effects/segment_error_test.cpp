@@ -147,6 +147,19 @@ TEST_CASE("The error of a wire that is too short for the second run is not known
   CHECK(ErrorReading(simulation) >= 0);
 }
 
+TEST_CASE("A bent tip that segments twice as long cannot follow is refused with the remedy",
+          "[segment_error]") {
+  scene::SceneSpec spec = ErrorScene(kEstimate);
+  spec.instruments.front().tip_mm = 3;
+  spec.instruments.front().tip_angle_deg = 150;
+  scene::Scene scene(spec);
+  CHECK_THROWS_WITH(
+      Simulation(scene),
+      Catch::StartsWith("small.toml:12: effects.segment_error: it compares with segments of 2 mm, "
+                        "which this scene cannot have (") &&
+          Catch::EndsWith("set relaxation.segment_mm to less, or remove [effects.segment_error]"));
+}
+
 TEST_CASE("A copy and a restart continue with the same second run", "[segment_error]") {
   const std::string more =
       std::string(kMicrocatheter) +

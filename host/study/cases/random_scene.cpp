@@ -196,7 +196,9 @@ class Draw {
     // Uses no random number, so that the rest of the scene does not change.
     const unsigned draw = std::mt19937(random_)() % 4;
     if (draw == 0) Add("[effects.outlets]\n\n");
-    if (draw == 1) Add("[effects.segment_error]\n\n");
+    // Segments twice as long may be too long for a bent tip.
+    const bool bent = text_.find("tip_angle_deg") != std::string::npos;
+    if (draw == 1 && !bent) Add("[effects.segment_error]\n\n");
     if (assessment) {
       Add("[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 50\n"
           "force_limit_mN = 100\n\n");
