@@ -155,8 +155,9 @@ TEST_CASE("A bent tip that segments twice as long cannot follow is refused with 
   scene::Scene scene(spec);
   CHECK_THROWS_WITH(
       Simulation(scene),
-      Catch::StartsWith("small.toml:12: effects.segment_error: it compares with segments of 2 mm, "
-                        "which this scene cannot have (") &&
+      Catch::StartsWith(
+          "small.toml:16: effects.segment_error = { .. }: it compares with segments of 2 mm, "
+          "which this scene cannot have (") &&
           Catch::EndsWith("set relaxation.segment_mm to less, or remove [effects.segment_error]"));
 }
 
