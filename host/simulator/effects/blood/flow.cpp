@@ -113,9 +113,12 @@ void Flow::CopyFrom(const Effect& twin) {
   if (stepped_) step_ = std::make_unique<FlowSolution>(*from.step_, *graph_);
 }
 
-std::vector<double> Flow::Inflow(double inlet_mL_s) const {
+std::vector<double> Flow::Inflow(double inlet_mL_s, double others) const {
   std::vector<double> inflow(graph_->nodes().size(), 0);
   inflow[static_cast<std::size_t>(inlet_.node)] = inlet_mL_s;
+  for (const FlowSource& other : inlet_.others) {
+    inflow[static_cast<std::size_t>(other.node)] = others * other.mL_s;
+  }
   return inflow;
 }
 
@@ -165,17 +168,18 @@ void Flow::SolveMean() {
   for (int round = 0; round < kMostRounds; ++round) {
     const std::vector<double> resistances = Resistances(losses_mL_s);
     steady_ = std::make_unique<FlowSolution>(*graph_, resistances, memory_.ends);
-    memory_.exchange = steady_->Solve(Inflow(0), outlet_mmHg);
-    memory_.muscle = steady_->Solve(Inflow(0), systolic_mmHg);
+    memory_.exchange = steady_->Solve(Inflow(0, 0), outlet_mmHg);
+    memory_.muscle = steady_->Solve(Inflow(0, 0), systolic_mmHg);
     if (inlet_.mean_mmHg) {
       // Sets the inlet's mean flow to match its pressure, which is linear in the flow.
       const auto at = static_cast<std::size_t>(inlet_.node);
-      const double unit_mmHg = steady_->Solve(Inflow(1), none).pressure_mmHg[at];
+      const double unit_mmHg = steady_->Solve(Inflow(1, 0), none).pressure_mmHg[at];
+      const double others_mmHg = steady_->Solve(Inflow(0, 1), none).pressure_mmHg[at];
       memory_.inlet_mL_s = (*inlet_.mean_mmHg - memory_.exchange.pressure_mmHg[at] -
-                            ejection * memory_.muscle.pressure_mmHg[at]) /
+                            ejection * memory_.muscle.pressure_mmHg[at] - others_mmHg) /
                            unit_mmHg;
     }
-    memory_.driven = steady_->Solve(Inflow(memory_.inlet_mL_s), inlet_mmHg);
+    memory_.driven = steady_->Solve(Inflow(memory_.inlet_mL_s, 1), inlet_mmHg);
     memory_.mean = memory_.exchange;
     const auto add = [&](std::vector<double> FlowSolution::Flows::*part) {
       for (std::size_t i = 0; i < (memory_.mean.*part).size(); ++i) {
@@ -204,12 +208,13 @@ void Flow::MakeStep() {
 
 void Flow::Step() {
   memory_.time_s += kStepS;
-  const std::vector<double> inflow = Inflow(memory_.inlet_mL_s * pulse_.At(memory_.time_s));
+  const double factor = pulse_.At(memory_.time_s);
+  const std::vector<double> inflow = Inflow(memory_.inlet_mL_s * factor, factor);
   const double ejection = pulse_.Ejection(memory_.time_s);
   std::vector<double> behind(memory_.ends.size(), 0);
   for (std::size_t k = 0; k < memory_.ends.size(); ++k) {
     const FlowEnd& end = memory_.ends[k];
-    const double pulse = IsHeldInlet(end) ? pulse_.At(memory_.time_s) : 1;
+    const double pulse = IsHeldInlet(end) ? factor : 1;
     behind[k] = pulse * end.pressure_mmHg + ejection * end.systolic_mmHg;
     if (end.compliance_mL_mmHg == 0) continue;
     behind[k] = (end.compliance_mL_mmHg / kStepS * memory_.stored_mmHg[k] +
@@ -388,12 +393,14 @@ ClosedPressure Flow::PressureBehind(const FlowPlace& place) const {
     systolic_mmHg.push_back(end.systolic_mmHg);
   }
   // A flow source before the closed place delivers nothing: its pressure would have no limit.
-  const bool is_open =
-      graph_->ReachedFrom(behind, place.edge)[static_cast<std::size_t>(inlet_.node)];
+  const std::vector<bool> reached = graph_->ReachedFrom(behind, place.edge);
+  std::vector<double> inflow = Inflow(memory_.inlet_mL_s, 1);
+  for (std::size_t n = 0; n < inflow.size(); ++n) {
+    if (!reached[n]) inflow[n] = 0;
+  }
   const auto at = static_cast<std::size_t>(behind);
-  return {
-      .mmHg = closed.Solve(Inflow(is_open ? memory_.inlet_mL_s : 0), ends_mmHg).pressure_mmHg[at],
-      .muscle_mmHg = closed.Solve(Inflow(0), systolic_mmHg).pressure_mmHg[at]};
+  return {.mmHg = closed.Solve(inflow, ends_mmHg).pressure_mmHg[at],
+          .muscle_mmHg = closed.Solve(Inflow(0, 0), systolic_mmHg).pressure_mmHg[at]};
 }
 
 }  // namespace torquer::effects

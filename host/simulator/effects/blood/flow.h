@@ -59,6 +59,12 @@ struct Obstruction {
   const vessel::MovingField* moving = nullptr;
 };
 
+/// A further end through which the blood enters, with a mean flow against any pressure.
+struct FlowSource {
+  int node = 0;
+  double mL_s = 0;
+};
+
 /// The end through which the blood enters, at a node of the graph.
 struct FlowInlet {
   int node = 0;
@@ -68,11 +74,13 @@ struct FlowInlet {
   /// Pressure source with that mean pressure, behind a resistance; 0: at the inlet itself.
   std::optional<double> held_mmHg = std::nullopt;
   double resistance_mmHg_s_mL = 0;
+  /// Other inlets. A part of the network that is not connected to `node` needs at least one.
+  std::vector<FlowSource> others = {};
 };
 
 class Flow final : public Effect, public Evolution {
  public:
-  /// outlets: all free ends but the inlet. At most one of the inlet's pressures is given.
+  /// outlets: all free ends but the inlets. At most one of the inlet's pressures is given.
   /// viscosity_Pa_s > 0. The objects that `obstruction` points to must outlive this.
   Flow(std::unique_ptr<const FlowGraph> graph, double viscosity_Pa_s, const FlowInlet& inlet,
        std::vector<FlowEnd> outlets, const Pulse& pulse, std::vector<StenosisLoss> stenoses = {},
@@ -140,7 +148,8 @@ class Flow final : public Effect, public Evolution {
   };
 
   std::vector<double> Resistances(const std::vector<double>& stenosis_flow_mL_s) const;
-  std::vector<double> Inflow(double inlet_mL_s) const;
+  // Inflow into each node: that of the inlet, and those of the others times a factor.
+  std::vector<double> Inflow(double inlet_mL_s, double others) const;
   bool IsHeldInlet(const FlowEnd& end) const { return end.node == inlet_.node; }
   const Snapshot* SnapshotAt(double time_s) const;
   double ResistanceBefore(const FlowPlace& place, double edge_mL_s) const;

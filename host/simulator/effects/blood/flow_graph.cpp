@@ -169,6 +169,20 @@ std::vector<bool> FlowGraph::ReachedFrom(int node, int closed) const {
   return reached;
 }
 
+std::vector<int> FlowGraph::Parts() const {
+  std::vector<int> parts(nodes_.size(), -1);
+  int count = 0;
+  for (std::size_t n = 0; n < nodes_.size(); ++n) {
+    if (parts[n] >= 0) continue;
+    const std::vector<bool> reached = ReachedFrom(static_cast<int>(n));
+    for (std::size_t k = 0; k < nodes_.size(); ++k) {
+      if (reached[k]) parts[k] = count;
+    }
+    ++count;
+  }
+  return parts;
+}
+
 double FlowGraph::InverseFourthPower(std::size_t curve, double from_mm, double to_mm) const {
   double sum = 0;
   ForEachPiece(network_->curves()[curve], from_mm, to_mm,

@@ -46,6 +46,8 @@ class FlowGraph {
   /// Nodes connected to a node along edges: true for each reached node. `closed`: an edge that
   /// nothing passes; -1 for none.
   std::vector<bool> ReachedFrom(int node, int closed = -1) const;
+  /// Number of the connected part of each node, from 0 in the order of the nodes.
+  std::vector<int> Parts() const;
 
   /// Integral of 1/r^4 over part of a curve, 1/mm^3. Times 8 mu/pi it is Poiseuille's resistance.
   double InverseFourthPower(std::size_t curve, double from_mm, double to_mm) const;

@@ -27,6 +27,12 @@ struct OutletSpec : TableSpec {
   double systolic_mmHg = 0;
 };
 
+struct InletSpec : TableSpec {
+  std::string centerline;
+  CurveEnd end = CurveEnd::kStart;
+  double mL_s = 0;
+};
+
 struct StenosisSpec : TableSpec {
   std::string centerline;
   double from_mm = 0;
@@ -49,6 +55,7 @@ struct FlowSpec : TableSpec {
   double rate_per_min = 0;
   std::optional<double> pulsatility;
   bool obstruction = false;
+  std::vector<InletSpec> other_inlet;
   std::vector<OutletSpec> outlet;
   std::vector<StenosisSpec> stenosis;
 };
@@ -83,6 +90,19 @@ const Keys<OutletSpec>& OutletKeys() {
               table.Refuse(key, "needs resistance_mmHg_s_mL; give that key, or remove this one");
             }
           });
+  return keys;
+}
+
+const Keys<InletSpec>& InletKeys() {
+  static const Keys<InletSpec> keys =
+      Keys<InletSpec>()
+          .Required()
+          .Text("centerline", &InletSpec::centerline, "centerline whose free end is the inlet")
+          .Choice("end", &InletSpec::end, {"start", "end"},
+                  "end of the centerline at which the inlet lies")
+          .Required()
+          .Number("mL_s", &InletSpec::mL_s, 1e-3, 1000, "mL/s",
+                  "mean flow of a flow source at this inlet; the pulse of the flow acts on it too");
   return keys;
 }
 
@@ -145,7 +165,7 @@ const Keys<FlowSpec>& FlowKeys() {
                   "dynamic viscosity of the blood")
           .Choice("outlets", &FlowSpec::outlets, {"automatic", "murray", "pressure"},
                   "model of all outlets: resistances by Murray's law, or one pressure; automatic: "
-                  "murray with inlet_mL_s, pressure with a pressure at the inlet")
+                  "pressure in the part of the vessel with a pressure at the inlet, else murray")
           .Number("bed_mmHg", &FlowSpec::bed_mmHg, 1, 500, "mmHg",
                   "pressure drop over the vessels behind the outlets at the mean flow")
           .Number("murray_exponent", &FlowSpec::murray_exponent, 1, 4, "",
@@ -165,6 +185,9 @@ const Keys<FlowSpec>& FlowKeys() {
               "systole")
           .Boolean("obstruction", &FlowSpec::obstruction,
                    "true: instruments narrow the lumen, as if each lay on the centerline")
+          .Tables("other_inlet", &FlowSpec::other_inlet, InletKeys(), 0,
+                  "further inlets; each part of the vessel that is not connected to the inlet "
+                  "needs one")
           .Tables("outlet", &FlowSpec::outlet, OutletKeys(), 0,
                   "outlets with values other than the common ones")
           .Tables("stenosis", &FlowSpec::stenosis, StenosisKeys(), 0,
@@ -192,22 +215,58 @@ double RadiusAt(const FlowGraph& graph, int node) {
   return graph.network().At(graph.nodes()[static_cast<std::size_t>(node)].place).radius_mm;
 }
 
+// Node at a free end of a curve, which is an "inlet" or "outlet". Throws UserError naming `key`
+// otherwise.
+int FreeEnd(const TableSpec& spec, const char* key, const std::string& curve, CurveEnd end,
+            const char* role, const FlowGraph& graph) {
+  const std::string side = NameOf(end);
+  int node = 0;
+  try {
+    node = graph.NodeAt(curve, side);
+  } catch (const UserError& error) {
+    spec.origin.Refuse(key, error.what());
+  }
+  if (!graph.nodes()[static_cast<std::size_t>(node)].is_end()) {
+    spec.origin.Refuse(key, "its " + side + " is not an " + role +
+                                ": it is joined to other curves; name a free end");
+  }
+  return node;
+}
+
+// All inlets: that of the effect's own keys, and those of the tables.
+FlowInlet MakeInlet(const FlowSpec& spec, const FlowGraph& graph) {
+  FlowInlet inlet{.node = FreeEnd(spec, "inlet", spec.inlet, spec.inlet_end, "inlet", graph),
+                  .mL_s = spec.inlet_mL_s.value_or(0),
+                  .mean_mmHg = spec.inlet_mean_mmHg,
+                  .held_mmHg = spec.inlet_held_mmHg,
+                  .resistance_mmHg_s_mL = spec.inlet_resistance_mmHg_s_mL};
+  for (const InletSpec& other : spec.other_inlet) {
+    const int node = FreeEnd(other, "centerline", other.centerline, other.end, "inlet", graph);
+    bool is_named = node == inlet.node;
+    for (const FlowSource& source : inlet.others) is_named = is_named || source.node == node;
+    if (is_named) {
+      other.origin.Refuse("centerline", "this inlet is named twice; remove one of the two");
+    }
+    inlet.others.push_back({node, other.mL_s});
+  }
+  return inlet;
+}
+
+bool IsInlet(const FlowInlet& inlet, int node) {
+  const auto is_it = [node](const FlowSource& other) { return other.node == node; };
+  return inlet.node == node || std::any_of(inlet.others.begin(), inlet.others.end(), is_it);
+}
+
 // Outlets named by tables, by node.
-std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
+std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph,
+                                  const FlowInlet& inlet) {
   std::vector<FlowEnd> named;
   for (const OutletSpec& outlet : spec.outlet) {
-    const std::string side = NameOf(outlet.end);
     FlowEnd end;
-    try {
-      end.node = graph.NodeAt(outlet.centerline, side);
-    } catch (const UserError& error) {
-      outlet.origin.Refuse("centerline", error.what());
-    }
-    if (!graph.nodes()[static_cast<std::size_t>(end.node)].is_end() || end.node == inlet) {
-      outlet.origin.Refuse("centerline",
-                           "its " + side + " is not an outlet: it is " +
-                               (end.node == inlet ? "the inlet" : "joined to other curves") +
-                               "; name a free end");
+    end.node = FreeEnd(outlet, "centerline", outlet.centerline, outlet.end, "outlet", graph);
+    if (IsInlet(inlet, end.node)) {
+      outlet.origin.Refuse("centerline", std::string("its ") + NameOf(outlet.end) +
+                                             " is not an outlet: it is an inlet; name a free end");
     }
     for (const FlowEnd& other : named) {
       if (other.node == end.node) {
@@ -226,44 +285,87 @@ std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, 
   return named;
 }
 
-void CheckConnected(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
-  const std::vector<bool> reached = graph.ReachedFrom(inlet);
-  for (std::size_t n = 0; n < reached.size(); ++n) {
-    if (reached[n]) continue;
-    spec.origin.Refuse("inlet", "the outlet " + graph.NameOf(static_cast<int>(n)) +
-                                    " is not connected to the inlet; join the curves so that their "
-                                    "ends coincide, or remove that curve");
+// A connected part of the network.
+struct Part {
+  bool has_inlet = false;
+  bool has_outlet = false;
+  bool is_pressure = false;  // its inlet gives a pressure, so its flow is not known before
+  double mL_s = 0;           // into its inlets
+  double shares = 0;         // of its outlets by Murray's law
+};
+
+// The parts, by their numbers in `of_node`. Each has an inlet and an outlet; otherwise throws
+// UserError.
+std::vector<Part> MakeParts(const FlowSpec& spec, const FlowGraph& graph, const FlowInlet& inlet,
+                            const std::vector<int>& of_node) {
+  std::vector<Part> parts;
+  for (std::size_t n = 0; n < of_node.size(); ++n) {
+    const auto number = static_cast<std::size_t>(of_node[n]);
+    if (number >= parts.size()) parts.resize(number + 1);
+    Part& part = parts[number];
+    const int node = static_cast<int>(n);
+    if (!graph.nodes()[n].is_end()) continue;
+    if (IsInlet(inlet, node)) {
+      part.has_inlet = true;
+      continue;
+    }
+    part.has_outlet = true;
+    part.shares += std::pow(RadiusAt(graph, node), spec.murray_exponent);
   }
+  const auto part_of = [&](int node) -> Part& {
+    return parts[static_cast<std::size_t>(of_node[static_cast<std::size_t>(node)])];
+  };
+  part_of(inlet.node).mL_s += inlet.mL_s;
+  part_of(inlet.node).is_pressure = !spec.inlet_mL_s;
+  for (const FlowSource& other : inlet.others) part_of(other.node).mL_s += other.mL_s;
+  for (std::size_t n = 0; n < of_node.size(); ++n) {
+    const Part& part = parts[static_cast<std::size_t>(of_node[n])];
+    const std::string name = graph.NameOf(static_cast<int>(n));
+    if (!part.has_inlet) {
+      spec.origin.Refuse(
+          "inlet", "the outlet " + name +
+                       " is not connected to the inlet; join the curves so that their ends "
+                       "coincide, name an inlet of that part in [[effects.flow.other_inlet]], or "
+                       "remove that curve");
+    }
+    if (!part.has_outlet) {
+      spec.origin.Refuse("inlet", "there is no outlet: the part of the network with " + name +
+                                      " has no other free end; add a centerline with a free end, "
+                                      "or remove [effects.flow]");
+    }
+  }
+  return parts;
 }
 
-// All free ends but the inlet: named ones from their tables, the others from the scene's general
+// All free ends but the inlets: named ones from their tables, the others from the scene's general
 // setting.
-std::vector<FlowEnd> AllOutlets(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
+std::vector<FlowEnd> AllOutlets(const FlowSpec& spec, const FlowGraph& graph,
+                                const FlowInlet& inlet) {
   std::vector<FlowEnd> ends = NamedOutlets(spec, graph, inlet);
-  const bool murray =
-      spec.outlets == Outlets::kMurray || (spec.outlets == Outlets::kAutomatic && spec.inlet_mL_s);
-  std::vector<int> free;
-  double shares = 0;
+  const std::size_t named = ends.size();
+  const std::vector<int> of_node = graph.Parts();
+  const std::vector<Part> parts = MakeParts(spec, graph, inlet, of_node);
+  const auto is_murray = [&spec](const Part& part) {
+    return spec.outlets == Outlets::kMurray ||
+           (spec.outlets == Outlets::kAutomatic && !part.is_pressure);
+  };
+  double all_mL_s = 0;
+  for (const Part& part : parts) all_mL_s += is_murray(part) ? part.mL_s : 0;
   for (std::size_t n = 0; n < graph.nodes().size(); ++n) {
     const int node = static_cast<int>(n);
-    if (!graph.nodes()[n].is_end() || node == inlet) continue;
-    shares += std::pow(RadiusAt(graph, node), spec.murray_exponent);
-    bool is_named = false;
-    for (const FlowEnd& end : ends) is_named = is_named || end.node == node;
-    if (!is_named) free.push_back(node);
-  }
-  for (const int node : free) {
-    const double share = std::pow(RadiusAt(graph, node), spec.murray_exponent) / shares;
+    if (!graph.nodes()[n].is_end() || IsInlet(inlet, node)) continue;
+    const auto is_it = [node](const FlowEnd& end) { return end.node == node; };
+    const auto last = ends.begin() + static_cast<std::ptrdiff_t>(named);
+    if (std::any_of(ends.begin(), last, is_it)) continue;
+    const Part& part = parts[static_cast<std::size_t>(of_node[n])];
+    const double share = std::pow(RadiusAt(graph, node), spec.murray_exponent) / part.shares;
+    const bool murray = is_murray(part);
     ends.push_back({.node = node,
                     .is_pressure = !murray,
                     .pressure_mmHg = spec.outlet_mmHg,
-                    .resistance_mmHg_s_mL = murray ? spec.bed_mmHg / (share * *spec.inlet_mL_s) : 0,
-                    .compliance_mL_mmHg = murray ? share * spec.compliance_mL_mmHg : 0});
-  }
-  if (ends.empty()) {
-    spec.origin.Refuse("inlet",
-                       "there is no outlet: the network has no other free end; add a centerline "
-                       "with a free end, or remove [effects.flow]");
+                    .resistance_mmHg_s_mL = murray ? spec.bed_mmHg / (share * part.mL_s) : 0,
+                    .compliance_mL_mmHg =
+                        murray ? share * (part.mL_s / all_mL_s) * spec.compliance_mL_mmHg : 0});
   }
   return ends;
 }
@@ -305,18 +407,12 @@ std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& cont
                        "vessel.centerlines, or remove [effects.flow]");
   }
   std::unique_ptr<const FlowGraph> graph;
-  int inlet = 0;
-  const std::string side = NameOf(spec.inlet_end);
   try {
     graph = std::make_unique<FlowGraph>(*context.centerlines);
-    inlet = graph->NodeAt(spec.inlet, side);
   } catch (const UserError& error) {
     spec.origin.Refuse("inlet", error.what());
   }
-  if (!graph->nodes()[static_cast<std::size_t>(inlet)].is_end()) {
-    spec.origin.Refuse("inlet", "its " + side + " is joined to other curves; name a free end");
-  }
-  CheckConnected(spec, *graph, inlet);
+  const FlowInlet inlet = MakeInlet(spec, *graph);
   std::vector<FlowEnd> outlets = AllOutlets(spec, *graph, inlet);
   std::vector<StenosisLoss> stenoses;
   for (const StenosisSpec& stenosis : spec.stenosis) {
@@ -324,14 +420,9 @@ std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& cont
   }
   Obstruction obstruction;
   if (spec.obstruction) obstruction = {&context.wire, context.moving};
-  const FlowInlet source{.node = inlet,
-                         .mL_s = spec.inlet_mL_s.value_or(0),
-                         .mean_mmHg = spec.inlet_mean_mmHg,
-                         .held_mmHg = spec.inlet_held_mmHg,
-                         .resistance_mmHg_s_mL = spec.inlet_resistance_mmHg_s_mL};
   const Pulse pulse{spec.rate_per_min,
                     spec.pulsatility.value_or(spec.inlet_held_mmHg ? 0 : kPulsatility)};
-  return std::make_unique<Flow>(std::move(graph), 1e-3 * spec.viscosity_mPa_s, source,
+  return std::make_unique<Flow>(std::move(graph), 1e-3 * spec.viscosity_mPa_s, inlet,
                                 std::move(outlets), pulse, std::move(stenoses), obstruction);
 }
 
