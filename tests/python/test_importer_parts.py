@@ -195,6 +195,17 @@ def test_planes_are_decimated_without_fans():
     assert len(fewer.triangles) < 3100 and np.bincount(fewer.triangles.ravel()).max() < 25
 
 
+def test_a_line_that_left_its_vessel_returns_to_the_middle():
+    inside = depth(grid(46, 13, 13), LONG) / 2
+    mesh = surface.isosurface(np.clip(0.5 + inside, 0, 1).astype(np.float32), 0.5, np.eye(4))
+    line = np.array([[6, 6, z] for z in range(8, 39)], float)
+    # A loop through the wall, as where two turns of a vessel touch.
+    line[12:18, 0] += 4.0
+    assert depth(line, LONG).min() < -0.9
+    centered = centerlines._centered(line, centerlines._Wall(mesh))
+    assert np.abs(depth(centered, LONG) - 3).max() < 0.5
+
+
 def test_the_order_of_a_file_chooses_no_end():
     points = grid(54, 10, 38) - [19, 5, 0]
     inside = np.max([depth(points, tube) for tube in LEGS], axis=0)

@@ -36,7 +36,8 @@ _APART = 1.2
 _COVER, _COVER_MM = 1.3, 2.0
 _OUTSIDE, _LEAST_RADII, _LEAST_MM = 1.15, 2.5, 3.0
 _MOST_CURVES = 200
-_ROUNDS, _PUSH, _SMOOTHING = 80, 0.3, 0.35
+# A point outside of the lumen moves _BACK_MM into it.
+_ROUNDS, _PUSH, _SMOOTHING, _BACK_MM = 80, 0.3, 0.35, 0.1
 STEP_MM = 1.0
 """Distance of a curve's points."""
 LEVEL_MM = 2.0
@@ -93,7 +94,33 @@ def _step_mm(mesh: Mesh) -> float:
 
 def wall_of(mesh: Mesh) -> Points:
     """Points on the surface, dense enough for the distance from a centerline to the wall."""
-    return np.vstack([sample(mesh, _step_mm(mesh) / 2)[0], mesh.points])
+    return _Wall(mesh).points
+
+
+class _Wall:
+    """Points on the surface, as in wall_of, with outward normals."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        points, normals = sample(mesh, _step_mm(mesh) / 2)
+        corners = np.zeros_like(mesh.points)
+        for corner in range(3):
+            np.add.at(corners, mesh.triangles[:, corner], mesh.area_vectors())
+        corners /= np.maximum(1e-30, np.linalg.norm(corners, axis=1))[:, None]
+        self.points = np.vstack([points, mesh.points])
+        self._normals = np.vstack([normals, corners])
+        self._tree = need("scipy.spatial").cKDTree(self.points)
+
+    def distances(self, points: Points) -> Floats:
+        """Distances to the wall."""
+        out: Floats = self._tree.query(points)[0]
+        return out
+
+    def inward(self, points: Points) -> Tuple[Floats, Points]:
+        """Depth in the lumen, negative outside, and the unit direction away from the wall, into the lumen."""
+        distances, number = self._tree.query(points)
+        off = points - self.points[number]
+        side = np.where(np.einsum("ij,ij->i", off, self._normals[number]) > 0, -1.0, 1.0)
+        return side * distances, side[:, None] * off / np.maximum(1e-9, distances)[:, None]
 
 
 class _Graph:
@@ -257,16 +284,20 @@ def lowest(points: Points) -> int:
     return int(level[points[level, 0].argmin()])
 
 
-def _centered(points: Points, wall: Any, wall_points: Points) -> Points:
-    """The curve moved across itself, away from the nearest point of the wall, and smoothed."""
+def _centered(points: Points, wall: _Wall) -> Points:
+    """The curve moved across itself, away from the nearest point of the wall, and smoothed.
+
+    A point outside, where the graph or the smoothing left a thin vessel, moves back into the lumen.
+    """
     for round_ in range(_ROUNDS):
         tangents = np.gradient(points, axis=0)
         tangents /= np.maximum(1e-12, np.linalg.norm(tangents, axis=1))[:, None]
-        distances, nearest = wall.query(points)
-        away = (points - wall_points[nearest]) / np.maximum(1e-9, distances)[:, None]
-        shift = _PUSH * (1 - round_ / _ROUNDS) * distances[:, None] * away
+        depths, away = wall.inward(points)
+        outside = depths < 0
+        shift = _PUSH * (1 - round_ / _ROUNDS) * depths[:, None] * away
         shift[1:-1] += _SMOOTHING * ((points[:-2] + points[2:]) / 2 - points[1:-1])
         shift -= np.einsum("ij,ij->i", shift, tangents)[:, None] * tangents
+        shift[outside] = (_BACK_MM - depths[outside])[:, None] * away[outside]
         points = points + shift
     return resampled(points, STEP_MM)
 
@@ -320,12 +351,11 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None, notes: Optional[List[str]] =
     points, normals = sample(mesh, _step_mm(mesh))
     graph = _Graph(points, normals)
     root = _root(graph, root_mm, [] if notes is None else notes)
-    wall_points = wall_of(mesh)
-    wall = need("scipy.spatial").cKDTree(wall_points)
+    wall = _Wall(mesh)
     curves: List[Curve] = []
     kept: List[Optional[int]] = []
     for path, parent in _branches(graph, root):
-        line = _centered(resampled(graph.points[path], STEP_MM), wall, wall_points)
+        line = _centered(resampled(graph.points[path], STEP_MM), wall)
         above = None
         if parent is not None:
             above = kept[parent]
@@ -336,7 +366,7 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None, notes: Optional[List[str]] =
         if len(line) < 3:
             kept.append(None)
             continue
-        radii = wall.query(line)[0]
+        radii = wall.distances(line)
         last = _without_corner(line, radii)
         first = 0 if above is not None else len(line) - _without_corner(line[::-1], radii[::-1])
         line, radii = line[first:last], radii[first:last]
