@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 import torquer
-from torquer.importer import _given, case, centerlines, scan, surface
+from torquer.importer import _given, case, centerlines, errors, scan, surface
 from torquer.importer.__main__ import _findings, _label_mesh, arguments_of, import_case
 from torquer.importer.centerlines import Curve
 
@@ -96,26 +96,64 @@ def test_no_number_is_a_negative_zero():
     assert not re.search(r"-0\.0+\b", text) and "0.000000" in text
 
 
-def test_a_part_that_is_left_out_is_named_and_can_be_chosen(tmp_path):
+def test_two_unconnected_vessels_become_a_case_with_flow_in_both(tmp_path):
     points = grid(46, 13, 27)
     path = label_file(tmp_path / "two.nii.gz", (np.maximum(depth(points, LONG), depth(points, SHORT)) > 0), 4)
-    # A cylinder with two half balls.
-    true_ml = np.pi * 2.5**2 * (20 + 4 / 3 * 2.5) / 1000
+    # Volumes of cylinders with two half balls; voxels of 1 mm are up to a fifth off.
+    long_ml, short_ml = (np.pi * r**2 * (length + 4 / 3 * r) / 1000 for r, length in ((3.0, 34), (2.5, 20)))
+
+    def named(said):
+        ml, *place = re.search(r"(\S+) mL at \((\S+), (\S+), (\S+)\) mm[.,]", said).groups()
+        return float(ml), np.array(place, float)
+
     said = imported(path, "--label", "4")
-    found = re.search(r"1 part without connection to the vessel of \S+ mL: (\S+) mL at \((\S+), (\S+), (\S+)\) mm", said)
-    ml, place = float(found[1]), np.array(found.groups()[1:], float)
-    assert abs(ml / true_ml - 1) < 0.1 and abs(depth(place, SHORT)) < 0.8 and "--root" in said
+    both = re.search(r"^Parts: 2 without connection, each with its own inlet of the blood: (.*? mm), (.*? mm\.)", said, re.M)
+    for text, tube, true_ml in ((f"{both[1]},", LONG, long_ml), (both[2], SHORT, short_ml)):
+        ml, place = named(text)
+        assert abs(ml / true_ml - 1) < 0.25 and abs(depth(place, tube)) < 0.8
     report = (tmp_path / "case/report.txt").read_text()
-    assert found[0] in report and re.search(r"^Label 4: \d\.\d\d mL\.$", report, re.M)
-
-    def lies_in(tube):
-        for points in (surface.from_stl(tmp_path / "case/surface.stl").points, centerlines.read(tmp_path / "case/centerlines")[0].points):
-            assert depth(points, tube).min() > -1
-
-    lies_in(LONG)
+    assert both[0] in report and re.search(r"^Label 4: \d\.\d\d mL\.$", report, re.M)
+    curves = centerlines.read(tmp_path / "case/centerlines")
+    assert [(one.name, one.parent) for one in curves] == [("c00", None), ("c01", None)]
+    assert depth(curves[0].points, LONG).min() > 0 and depth(curves[1].points, SHORT).min() > 0
+    flow = tomllib.loads((tmp_path / "case/case.toml").read_text())["effects"]["flow"]
+    (other,) = flow["other_inlet"]
+    assert flow["inlet"] == "c00" and other["centerline"] == "c01"
+    # As the cubes of the radii.
+    for one, flow_mL_s in zip(curves, (flow["inlet_mL_s"], other["mL_s"])):
+        assert abs(flow_mL_s / (80 * (np.median(one.radii[:10]) / 12) ** 3) - 1) < 0.01
+    assert torquer.Simulation(str(tmp_path / "case/case.toml")).step(0.1, [[1, 0]]).converged
+    # One part alone.
     (tmp_path / "case").rename(tmp_path / "first")
-    imported(path, "--label", "4", "--root=20,6,26")
-    lies_in(SHORT)
+    said = imported(path, "--label", "4", "--root=20,6,26")
+    ml, place = named(said[said.index("Left out: 1 part without connection to the vessel of") :].partition(" mL: ")[2])
+    assert abs(ml / long_ml - 1) < 0.25 and abs(depth(place, LONG)) < 0.8 and "--root" in said
+    (only,) = centerlines.read(tmp_path / "case/centerlines")
+    for points in (surface.from_stl(tmp_path / "case/surface.stl").points, only.points):
+        assert depth(points, SHORT).min() > -1
+
+
+def test_an_entry_in_one_part_has_its_target_and_flow():
+    # The first part has no branch beside the trunk; the second one has two.
+    first = curve("c00", (0, 0, 0), (0, 0, 60), 6)
+    second = [curve("c01", (50, 0, 0), (50, 0, 60), 4), curve("c02", (50, 0, 30), (90, 0, 30), 3, 1), curve("c03", (50, 0, 40), (50, 30, 40), 3, 1)]
+    curves = [first, *second]
+    entries = case.entries_of(curves)
+    assert [one.name for one in entries if one.is_inlet] == ["c00 start", "c01 start"]
+    assert [one.name for one in entries] == ["c00 start", "c00 end", "c01 start", "c01 end", "c02 end", "c03 end"]
+    assert case.first_entry(entries).name == "c02 end", "the lowest that is no inlet"
+    effects = tomllib.loads(case.scene_text("a", "a", curves, entries[5]))["effects"]
+    assert effects["assessment"]["target_centerline"] == "c02" and effects["flow"]["inlet"] == "c00"
+    assert effects["contrast"]["rate_mL_s"] == 1.0 and effects["flow"]["other_inlet"][0]["centerline"] == "c01"
+    effects = tomllib.loads(case.scene_text("a", "a", curves, entries[1]))["effects"]
+    assert "assessment" not in effects, "the only curve of its part"
+    assert abs(effects["contrast"]["rate_mL_s"] - 80 * (6 / 12) ** 3 / 4) < 0.01
+
+
+def test_the_wire_of_a_case_runs_in_the_part_of_its_entry():
+    first, second = curve("c00", (0, 0, 0), (0, 0, 60), 6), curve("c01", (50, 0, 0), (50, 0, 100), 4)
+    # Four fifths of the longest way in that part.
+    assert abs(errors.way_of([first, second], case.entry_of(first, True)) - 0.8 * (60 - 2.5 * 6)) < 2
 
 
 def test_labels_of_several_values_are_one_vessel():
@@ -149,12 +187,19 @@ def test_parts_of_a_surface():
     found = surface.parts(mesh)
     assert len(found) == 3 and [len(one.points) > 100 for one in found] == [True, True, False]
     assert depth(found[0].points, LONG).min() > -1 and depth(found[1].points, SHORT).min() > -1
-    kept, facts = surface.chosen(mesh, (20, 6, 26))
+    kept, facts = surface.wanted(mesh, [(20, 6, 26)])
     assert depth(kept.points, SHORT).min() > -1 and "1 part without" in facts[0]
-    assert surface.chosen(found[0]) == (found[0], [])
+    assert surface.wanted(found[0]) == (found[0], [])
+    # A fragment is left out, unless it is next to a seed or the entry.
+    inside[:, :, 17:][inside[:, :, 17:] < 0.7] = -0.5
+    mesh = surface.isosurface(np.clip(0.5 + inside, 0, 1).astype(np.float32), 0.5, np.eye(4))
+    volumes = [one.volume_mm3() for one in surface.parts(mesh)]
+    assert 10 < volumes[1] < 0.1 * volumes[0]
+    assert len(surface.parts(surface.wanted(mesh)[0])) == 1
+    assert len(surface.parts(surface.wanted(mesh, near_mm=[(20, 6, 26)])[0])) == 2
 
 
-def test_a_surface_of_two_parts_has_the_curves_of_one(tmp_path):
+def test_a_surface_of_two_parts_has_the_parts_of_its_curves(tmp_path):
     points = grid(46, 13, 27)
     inside = np.maximum(depth(points, LONG), depth(points, SHORT))
     surface.write_stl(tmp_path / "two.stl", surface.isosurface(np.clip(0.5 + inside / 2, 0, 1).astype(np.float32), 0.5, np.eye(4)))
@@ -162,6 +207,13 @@ def test_a_surface_of_two_parts_has_the_curves_of_one(tmp_path):
     centerlines.write(tmp_path / "lines/short", [Curve("c00", np.linspace(SHORT[0], SHORT[1], 20), np.full(20, 2.0), None)])
     assert "Left out: 1 part" in imported(tmp_path / "two.stl", "--mesh-unit", "mm", "--centerlines", str(tmp_path / "lines/short"))
     assert depth(surface.from_stl(tmp_path / "case/surface.stl").points, SHORT).min() > -1
+    # Curves in both parts, of which one begins at a root.
+    both = [Curve("c00", np.linspace(LONG[0], LONG[1], 34), np.full(34, 2.0), None), Curve("c01", np.linspace(SHORT[0], SHORT[1], 20), np.full(20, 2.0), None)]
+    centerlines.write(tmp_path / "lines/both", both)
+    mesh, _, _ = _given.read_surface(tmp_path / "two.stl", "mm", None)
+    curves, facts = _given.read_curves(tmp_path / "lines/both", mesh, [SHORT[1]])
+    assert [np.allclose(one.points[0], start, atol=0.1) for one, start in zip(curves, (LONG[0], SHORT[1]))] == [True, True]
+    assert [one.parent for one in curves] == [None, None] and " are 2 trees of 2 branches; " in facts[0]
 
 
 def test_inputs_without_a_vessel_are_refused(tmp_path):

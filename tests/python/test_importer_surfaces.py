@@ -116,21 +116,21 @@ def test_lines_of_vmtk_that_share_their_trunk_are_a_tree(tmp_path):
     points, radii = way(TRUNK, LEFT)
     points[1:-1, 0] += 0.1
     vmtk_file(tmp_path / "lines.vtp", [way(TRUNK, RIGHT), (points, radii)])
-    curves, facts = _given.read_lines(tmp_path / "lines.vtp", "mm", "LPS", None)
+    curves, facts = _given.read_lines(tmp_path / "lines.vtp", "mm", "LPS")
     assert facts[0].startswith("2 lines") and facts[0].endswith("tree of 2 branches.")
     assert np.allclose(curves[0].points[[0, -1]], [TRUNK[0], LEFT[1]]), "the first goes to the farthest tip"
     assert np.allclose(curves[1].points[[0, -1]], [TRUNK[1], RIGHT[1]], atol=4) and curves[1].parent == 0
     assert np.linalg.norm(curves[0].points - curves[1].points[0], axis=1).min() == 0, "it begins on the first"
     assert curves[1].radii.max() < 3, "within the trunk the branch has its own radius"
     # In RAS and cm, and from the other end.
-    curves, _ = _given.read_lines(tmp_path / "lines.vtp", "cm", "RAS", (240, 0, 880))
+    curves, _ = _given.read_lines(tmp_path / "lines.vtp", "cm", "RAS", [(240, 0, 880)])
     assert np.allclose(curves[0].points[0], (240, 0, 880)) and len(curves) == 2
     # Lines that end at the branch, as the tool for bifurcations gives them.
     vmtk_file(tmp_path / "parts.vtp", [way(TRUNK), way(LEFT), way(RIGHT)])
-    assert len(_given.read_lines(tmp_path / "parts.vtp", "mm", "LPS", None)[0]) == 2
+    assert len(_given.read_lines(tmp_path / "parts.vtp", "mm", "LPS")[0]) == 2
     vmtk_file(tmp_path / "apart.vtp", [way(TRUNK), way(((50, 0, 0), (60, 0, 0), 2.0))])
     with pytest.raises(torquer.Error, match=r"at \(50\.0, 0\.0, 0\.0\) mm meets no other"):
-        _given.read_lines(tmp_path / "apart.vtp", "mm", "LPS", None)
+        _given.read_lines(tmp_path / "apart.vtp", "mm", "LPS")
 
 
 def slicer_curve(path, points, system):
@@ -148,7 +148,7 @@ def test_edited_curves_are_a_tree_with_radii_of_the_surface(vessel, tmp_path):
     # Two far points in LPS, and a start 2 mm beside the trunk's line.
     slicer_curve(curves / "b.mrk.json", [(0, 0, 4), (0, 0, 50), LEFT[1]], "LPS")
     slicer_curve(curves / "a.mrk.json", [(2, 0, 50), RIGHT[1]], "RAS")
-    found, facts = _given.read_curves(curves, vessel, None)
+    found, facts = _given.read_curves(curves, vessel)
     assert len(found) == 2 and found[1].parent == 0 and facts[0].startswith("2 curves")
     assert np.allclose(found[0].points[[0, -1]], [(0, 0, 4), LEFT[1]]) and np.allclose(found[1].points[-1], RIGHT[1])
     assert np.linalg.norm(found[0].points - found[1].points[0], axis=1).min() < 0.6, "it begins on the first"
@@ -156,7 +156,7 @@ def test_edited_curves_are_a_tree_with_radii_of_the_surface(vessel, tmp_path):
         beyond = (curve.points[:, 2] > 65) & (curve.points[:, 2] < 80)
         assert np.allclose(curve.radii[beyond], depth(curve.points[beyond], tube), atol=0.3), "it lies beside the middle"
     assert abs(found[0].radii[20] - 5) < 0.3
-    assert np.allclose(_given.read_curves(curves, vessel, LEFT[1])[0][0].points[0], LEFT[1]), "another root"
+    assert np.allclose(_given.read_curves(curves, vessel, [LEFT[1]])[0][0].points[0], LEFT[1]), "another root"
     entries = case.entries_of(found)
     assert case.first_entry(entries).name == "c01 end", "the lowest"
     assert case.entry_at(entries, np.array(LEFT[1])).name == "c00 end"
@@ -167,7 +167,7 @@ def test_edited_curves_are_a_tree_with_radii_of_the_surface(vessel, tmp_path):
 
 def test_refused_curves(vessel, tmp_path):
     with pytest.raises(torquer.Error, match=r"holds no curve \(.mrk.json\)"):
-        _given.read_curves(tmp_path, vessel, None)
+        _given.read_curves(tmp_path, vessel)
     slicer_curve(tmp_path / "a.mrk.json", [(0, 0, 4), (0, 0, 50), LEFT[1]], "LPS")
     good = (tmp_path / "a.mrk.json").read_text()
     for old, new, said in [
@@ -177,12 +177,12 @@ def test_refused_curves(vessel, tmp_path):
     ]:
         (tmp_path / "a.mrk.json").write_text(good.replace(old, new))
         with pytest.raises(torquer.Error) as caught:
-            _given.read_curves(tmp_path, vessel, None)
+            _given.read_curves(tmp_path, vessel)
         assert f"{tmp_path}/a.mrk.json: {said}" in str(caught.value) and "save it again" in str(caught.value), new
     (tmp_path / "a.mrk.json").write_text(good)
     slicer_curve(tmp_path / "b.mrk.json", [(50, 0, 50), (60, 0, 50)], "LPS")
     with pytest.raises(torquer.Error, match=r"at \(50\.0, 0\.0, 50\.0\) mm meets no other one; move its first point onto"):
-        _given.read_curves(tmp_path, vessel, None)
+        _given.read_curves(tmp_path, vessel)
 
 
 def test_refused_surfaces(vessel, tmp_path):

@@ -243,7 +243,7 @@ def entry_of(scene):
         (lambda w: setattr(w.volume, "node", None), "Volume: nothing is chosen"),
         (lambda w: setattr(w.seeds, "node", None), "Seeds: the point list has no placed point"),
         (lambda w: setattr(w.seeds, "node", Node(FIDUCIALS, "F", [[0, 0, 1e7]])), "--seed: the point [0.0, 0.0, 10000000.0] is no"),
-        (lambda w: setattr(w.root, "node", Node(FIDUCIALS, "F", [[0, 0, 1], [1, 2, 3]])), "--root: the point list has 2 points"),
+        (lambda w: setattr(w.entry, "node", Node(FIDUCIALS, "F", [[0, 0, 1], [1, 2, 3]])), "--entry: the point list has 2 points"),
         (lambda w: w.source.choose(2), "Model: nothing is chosen"),
         (lambda w: (w.source.choose(2), setattr(w.model, "node", tube()), setattr(w.use_curves, "checked", True)), "Curves: no open"),
     ],

@@ -182,7 +182,7 @@ class TorquerWidget(ScriptedLoadableModuleWidget):
         self.model = self._selector("vtkMRMLModelNode", "Surface of the vessels, in mm; open or closed")
         self.use_curves = qt.QCheckBox()
         self.use_curves.setToolTip("Takes the visible open curves as centerlines, such as edited ones of an earlier case")
-        self.root = self._selector(_FIDUCIALS, "One point: the blood enters at the end next to it (default: the widest)")
+        self.root = self._selector(_FIDUCIALS, "The blood enters at the end next to a point (default: the widest); a point in each unconnected part")
         self.entry = self._selector(_FIDUCIALS, "One point: the wire enters at the end next to it (default: the lowest)")
         form.addRow("From:", self.source)
         form.addRow("Volume:", self.volume)

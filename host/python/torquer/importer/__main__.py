@@ -32,16 +32,21 @@ def point_of(option: str, text: str) -> Any:
     return point
 
 
-def _places(arguments: argparse.Namespace) -> Tuple[Optional[Any], Optional[Any]]:
+def _places(arguments: argparse.Namespace) -> Tuple[List[Any], Optional[Any]]:
     """Places of --root and --entry."""
-    root, entry = arguments.root, arguments.entry
-    return None if root is None else point_of("--root", root), None if entry is None else point_of("--entry", entry)
+    entry = arguments.entry
+    return [point_of("--root", text) for text in arguments.root], None if entry is None else point_of("--entry", entry)
 
 
-def _part(mesh: surface.Mesh, arguments: argparse.Namespace) -> Tuple[surface.Mesh, List[str]]:
-    """The part of the surface next to --root or --entry, or the largest, and sentences about the others."""
-    root, entry = _places(arguments)
-    return surface.chosen(mesh, entry if root is None else root)
+def _seeds(arguments: argparse.Namespace) -> Any:
+    """Places of --seed, shape (n, 3)."""
+    return np.array([point_of("--seed", text) for text in arguments.seed]).reshape(-1, 3)
+
+
+def _parts(mesh: surface.Mesh, arguments: argparse.Namespace) -> Tuple[surface.Mesh, List[str]]:
+    """The parts of the surface that the options choose, and sentences about them and the others."""
+    roots, entry = _places(arguments)
+    return surface.wanted(mesh, roots, [*_seeds(arguments), *([] if entry is None else [entry])])
 
 
 def _label_mesh(read: scan.Scan, numbers: List[int]) -> Tuple[surface.Mesh, List[str]]:
@@ -69,7 +74,7 @@ def _from_scan(
     folder: pathlib.Path, arguments: argparse.Namespace, progress: _command.Progress
 ) -> Tuple[surface.Mesh, str, List[str]]:
     """Surface of the lumen in a scan or a label map, the keys of the body, and sentences about the steps."""
-    seeds = np.array([point_of("--seed", text) for text in arguments.seed]).reshape(-1, 3)
+    seeds = _seeds(arguments)
     progress.step("Reading the scan")
     read = scan.read(arguments.scan, None if arguments.body else arguments.series)
     facts: List[str] = list(read.facts)
@@ -90,8 +95,8 @@ def _from_scan(
         scan.write_nifti(folder / "lumen.nii.gz", label, read.affine)
         mesh = surface.isosurface(values, 0.5, read.affine, first)
         del picture, label, values
-    mesh, left_out = _part(mesh, arguments)
-    facts += left_out
+    mesh, said = _parts(mesh, arguments)
+    facts += said
     before = mesh.volume_mm3()
     mesh = surface.decimate(surface.smooth(mesh))
     text = ""
@@ -108,23 +113,24 @@ def _from_scan(
 
 
 def _from_surface(
-    arguments: argparse.Namespace, root: Optional[Any], progress: _command.Progress
+    arguments: argparse.Namespace, progress: _command.Progress
 ) -> Tuple[surface.Mesh, Optional[List[centerlines.Curve]], List[str]]:
     """Repaired surface, its centerlines if they are given, and sentences about the steps."""
     progress.step("Reading the surface")
     mesh, space, facts = _given.read_surface(arguments.scan, arguments.mesh_unit, arguments.space)
     curves = None
     if arguments.centerlines is not None:
+        roots, _ = _places(arguments)
         if os.path.isdir(arguments.centerlines):
-            curves, said = _given.read_curves(arguments.centerlines, mesh, root)
+            curves, said = _given.read_curves(arguments.centerlines, mesh, roots)
         else:
-            curves, said = _given.read_lines(arguments.centerlines, arguments.mesh_unit, space, root)
+            curves, said = _given.read_lines(arguments.centerlines, arguments.mesh_unit, space, roots, surface.parts(mesh))
         facts += said
-        # The part that the curves lie in.
-        mesh, left_out = surface.chosen(mesh, curves[0].points[len(curves[0].points) // 2])
+        # The parts that the curves lie in.
+        mesh, said = surface.wanted(mesh, [curve.points[len(curve.points) // 2] for curve in curves])
     else:
-        mesh, left_out = _part(mesh, arguments)
-    facts += left_out
+        mesh, said = _parts(mesh, arguments)
+    facts += said
     before = len(mesh.triangles)
     mesh = surface.decimate(mesh)
     if len(mesh.triangles) < before:
@@ -153,11 +159,11 @@ def _findings(folder: pathlib.Path, name: str, arguments: argparse.Namespace) ->
 
 def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progress: _command.Progress) -> str:
     """Makes all files in a folder; returns a description."""
-    root, at = _places(arguments)
+    roots, at = _places(arguments)
     curves: Optional[List[centerlines.Curve]] = None
     shown = ""
     if _given.is_surface(arguments.scan):
-        mesh, curves, facts = _from_surface(arguments, root, progress)
+        mesh, curves, facts = _from_surface(arguments, progress)
     else:
         mesh, shown, facts = _from_scan(folder, arguments, progress)
     surface.write_stl(folder / "surface.stl", mesh)
@@ -169,7 +175,7 @@ def _build(folder: pathlib.Path, name: str, arguments: argparse.Namespace, progr
     if curves is None:
         progress.step("Centerlines")
         try:
-            curves = centerlines.find(mesh, root, facts)
+            curves = centerlines.find_all(surface.parts(mesh), roots, facts)
         except Error as error:
             raise Error(f"{arguments.scan}: {error}") from None
     centerlines.write(folder / "centerlines", curves)
@@ -267,7 +273,11 @@ def arguments_of(words: Optional[List[str]] = None) -> argparse.Namespace:
         "--centerlines", metavar="FILE",
         help="for a surface: centerlines of VMTK (.vtp) in its unit and space, or a folder of curves of 3D Slicer (.mrk.json)",
     )
-    parser.add_argument("--root", metavar="L,P,S", help="the blood enters at the tip nearest to this place (default: the widest)")
+    parser.add_argument(
+        "--root", metavar="L,P,S", action="append", default=[],
+        help="the blood enters at the tip nearest to this place (default: the widest); give it several times for parts without "
+        "connection, and other parts are left out",
+    )
     parser.add_argument("--entry", metavar="L,P,S", help="the wire enters at the tip nearest to this place (default: the lowest)")
     parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
     return parser.parse_args(words)

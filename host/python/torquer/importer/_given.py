@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pathlib
 import re
-from typing import Any, List, Optional, Tuple
+from typing import Any, Callable, List, Optional, Sequence, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,10 @@ from .._polyline import resampled
 from .._user_file import load_json, read_text
 from ..centerlines import MM, Line, read_vtp, without_trunks
 from ._base import Error, Points, as_text, need
-from .centerlines import STEP_MM, Curve, clamp, wall_of
+from .centerlines import STEP_MM, Curve, add_tree, clamp, wall_of
 from .scan import Path
-from .surface import Mesh, from_vtk, in_order
+from .surface import Mesh, from_vtk, in_order, part_at
+from .surface import parts as split
 
 _BY_VTK = (".vtp", ".vtk")
 ENDINGS = (".stl", ".obj", ".ply", *_BY_VTK)
@@ -116,23 +117,26 @@ def _polydata(path: str, header: bytes, faults: List[str]) -> Any:
     return data
 
 
-def read_lines(path: Path, mesh_unit: str, space: str, root_mm: Optional[Any]) -> Tuple[List[Curve], List[str]]:
-    """Tree of the lines in a .vtp of VMTK, and sentences about it.
+def read_lines(
+    path: Path, mesh_unit: str, space: str, roots_mm: Sequence[Any] = (), parts: Sequence[Mesh] = ()
+) -> Tuple[List[Curve], List[str]]:
+    """Trees of the lines in a .vtp of VMTK, one in each of the surface's parts, and sentences about them.
 
-    Lines may share their trunk, as from vmtkcenterlines, or end where they branch. The tree begins at the free end
-    nearest to root_mm, or at the first point of the first line.
+    Lines may share their trunk, as from vmtkcenterlines, or end where they branch. A tree begins at the free end
+    nearest to the root of its part, or at the first point of its first line.
     """
     read = read_vtp(path)
     lines = without_trunks(read)
     lines = [Line(in_lps(MM[mesh_unit] * line.points, space), MM[mesh_unit] * line.radii) for line in lines]
-    curves = _tree(_Lines(os.fspath(path), lines, _JOINS, _BY_VMTK), root_mm)
-    return curves, [f"{len(read)} lines of {os.fspath(path)} are a tree of {len(curves)} branches."]
+    curves, trees = _trees(lines, roots_mm, parts, lambda some: _Lines(os.fspath(path), some, _JOINS, _BY_VMTK))
+    return curves, [f"{len(read)} lines of {os.fspath(path)} are {trees} of {len(curves)} branches."]
 
 
-def read_curves(folder: Path, mesh: Mesh, root_mm: Optional[Any]) -> Tuple[List[Curve], List[str]]:
-    """Tree of the curves of 3D Slicer in a folder, such as edited ones, and sentences about it.
+def read_curves(folder: Path, mesh: Mesh, roots_mm: Sequence[Any] = ()) -> Tuple[List[Curve], List[str]]:
+    """Trees of the curves of 3D Slicer in a folder, such as edited ones, one in each part of the surface `mesh`.
 
-    Their radii are the distances to the surface `mesh`, because an edited curve has left those of its file.
+    Also sentences about them. Their radii are the distances to `mesh`, because an edited curve has left those of its
+    file.
     """
     paths = sorted(pathlib.Path(folder).glob("*.mrk.json"))
     if not paths:
@@ -142,13 +146,14 @@ def read_curves(folder: Path, mesh: Mesh, root_mm: Optional[Any]) -> Tuple[List[
     lines = [Line(points, wall.query(points)[0]) for points in read]
     # The longest first, because the tree begins at its first point.
     lines.sort(key=lambda line: -len(line.points))
-    curves = _tree(_Lines(os.fspath(folder), lines, _JOINS_BY_HAND, _BY_HAND), root_mm)
+    name = os.fspath(folder)
+    curves, trees = _trees(lines, roots_mm, split(mesh), lambda some: _Lines(name, some, _JOINS_BY_HAND, _BY_HAND))
     for curve in curves:
         curve.points = resampled(curve.points, STEP_MM)
         curve.radii = np.maximum(0.05, wall.query(curve.points)[0])
         if curve.parent is not None:
             curve.radii = clamp(curve.radii, curve.points, curves[curve.parent])
-    return curves, [f"{len(paths)} curves of {os.fspath(folder)} are a tree of {len(curves)} branches; radii by the surface."]
+    return curves, [f"{len(paths)} curves of {name} are {trees} of {len(curves)} branches; radii by the surface."]
 
 
 def _slicer_points(path: pathlib.Path) -> Points:
@@ -212,6 +217,22 @@ class _Lines:
             raise Error(
                 f"{path}: the line at {as_text(lost)} mm meets no other one; {self._remedy}"
             )
+
+
+def _trees(
+    lines: List[Line], roots_mm: Sequence[Any], parts: Sequence[Mesh], graph_of: Callable[[List[Line]], _Lines]
+) -> Tuple[List[Curve], str]:
+    """A tree of the lines in each part of the surface, and the number of trees in words."""
+    many = len(parts) > 1
+    owners = [part_at(parts, line.points[len(line.points) // 2]) if many else 0 for line in lines]
+    ends = [part_at(parts, root) if many else 0 for root in roots_mm]
+    curves: List[Curve] = []
+    numbers = sorted(set(owners), key=owners.index)
+    for number in numbers:
+        graph = graph_of([line for owner, line in zip(owners, lines) if owner == number])
+        root = next((place for end, place in zip(ends, roots_mm) if end == number), None)
+        add_tree(curves, _tree(graph, root))
+    return curves, "a tree" if len(numbers) == 1 else f"{len(numbers)} trees"
 
 
 def _tree(graph: _Lines, root_mm: Optional[Any]) -> List[Curve]:

@@ -42,6 +42,12 @@ class Entry:
     direction: Any
     """Unit, into the vessel."""
     radius_mm: float
+    is_inlet: bool = False
+    """True where the blood enters."""
+
+    @property
+    def curve_name(self) -> str:
+        return self.name.split()[0]
 
 
 def entry_of(curve: Curve, at_start: bool) -> Entry:
@@ -57,34 +63,56 @@ def entry_of(curve: Curve, at_start: bool) -> Entry:
     return Entry(f"{curve.name} {'start' if at_start else 'end'}", place, unit(onward - place), radius)
 
 
-def free_ends(curves: List[Curve]) -> List[Tuple[int, bool]]:
-    """Ends that lie on no other curve, as the number of the curve and True for its start; that of the first one first."""
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """Curves that are connected."""
+
+    curves: List[int]
+    """Their numbers. The first has the root."""
+    free: List[Tuple[int, bool]]
+    """Ends on no other curve, as the number of the curve and True for its start. The blood enters at the first.
+
+    That is the root if it is free, or the widest one. The root is not free in a ring, and where given curves begin at a
+    branch.
+    """
+
+
+def parts_of(curves: List[Curve]) -> List[Part]:
+    """Connected parts of the curves, in the order of their first curves."""
     tree = need("scipy.spatial").cKDTree
     fine = [resampled(curve.points, _JOINED_MM / 4) for curve in curves]
     every = tree(np.vstack(fine))
     owner = np.repeat(np.arange(len(curves)), [len(points) for points in fine])
-    out = []
+    number = np.arange(len(curves))
+    free = []
     for k, curve in enumerate(curves):
         for at_start, end in ((True, curve.points[0]), (False, curve.points[-1])):
-            if (owner[every.query_ball_point(end, _JOINED_MM)] == k).all():
-                out.append((k, at_start))
+            met = np.unique(owner[every.query_ball_point(end, _JOINED_MM)])
+            if len(met) == 1:
+                free.append((k, at_start))
+            same = number[met]
+            number[np.isin(number, same)] = same.min()
+    out = []
+    for first in np.unique(number):
+        ends = [end for end in free if number[end[0]] == first]
+        if (first, True) not in ends:
+            ends.sort(key=lambda end: -entry_of(curves[end[0]], end[1]).radius_mm)
+        out.append(Part([int(k) for k in np.flatnonzero(number == first)], ends))
     return out
 
 
 def entries_of(curves: List[Curve]) -> List[Entry]:
-    """Entries at all free ends, with that of the blood first."""
-    return [entry_of(curves[k], at_start) for k, at_start in _inlet_first(curves) or [(0, True)]]
+    """Entries at all free ends; in each part that of the blood comes first."""
+    found = []
+    for part in parts_of(curves):
+        for k, (number, at_start) in enumerate(part.free or [(part.curves[0], True)]):
+            found.append(dataclasses.replace(entry_of(curves[number], at_start), is_inlet=k == 0))
+    return found
 
 
-def _inlet_first(curves: List[Curve]) -> List[Tuple[int, bool]]:
-    """Free ends. The first is where the blood enters: the root if it is free, or the widest one.
-
-    The root is not free in a ring, and where given curves begin at a branch.
-    """
-    free = free_ends(curves)
-    if (0, True) not in free:
-        free.sort(key=lambda end: -entry_of(curves[end[0]], end[1]).radius_mm)
-    return free
+def _part_at(curves: List[Curve], entry: Entry) -> Part:
+    """The part that an entry lies in."""
+    return next(part for part in parts_of(curves) if entry.curve_name in [curves[k].name for k in part.curves])
 
 
 def size_facts(curves: List[Curve]) -> List[str]:
@@ -96,11 +124,11 @@ def size_facts(curves: List[Curve]) -> List[str]:
 
 
 def first_entry(entries: List[Entry], notes: Optional[List[str]] = None) -> Entry:
-    """The lowest tip other than the root with room for a 0.035-inch wire, or the widest. Raises Error if no wire fits.
+    """The lowest tip other than the roots with room for a 0.035-inch wire, or the widest. Raises Error if no wire fits.
 
     `notes` gets a sentence if the choice was close.
     """
-    wide = [entry for entry in entries[1:] if entry.radius_mm > _ROOM * _THICK_MM]
+    wide = [entry for entry in entries if not entry.is_inlet and entry.radius_mm > _ROOM * _THICK_MM]
     if not wide:
         widest = max(entries, key=lambda entry: entry.radius_mm)
         if widest.radius_mm < _ROOM * _THIN_MM:
@@ -156,8 +184,9 @@ def _list(values: Any, digits: int = 2) -> str:
 
 
 def _target(curves: List[Curve], entry: Entry) -> Optional[Tuple[Curve, float]]:
-    """Middle of the tip's half of the longest branch that is not the entry's curve."""
-    others = [curve for curve in curves[1:] if not entry.name.startswith(curve.name)]
+    """Middle of the tip's half of the longest branch, in the entry's part, that is not the entry's curve."""
+    branches = [curves[k] for k in _part_at(curves, entry).curves[1:]]
+    others = [curve for curve in branches if entry.curve_name != curve.name]
     if not others:
         return None
     longest = max(others, key=lambda curve: float(curve.lengths_mm()[-1]))
@@ -187,24 +216,36 @@ curvature_2_per_mm = [{_text(two, 6)}, {_text(two, 6)}, 0, 0, 0]
 """
 
 
-def _flow_text(curves: List[Curve]) -> str:
-    """Tables of the blood flow and the contrast agent."""
-    free = _inlet_first(curves)
-    if len(free) < 2:
-        return ""
-    curve, at_start = curves[free[0][0]], free[0][1]
+def _inlet_text(curves: List[Curve], part: Part, is_first: bool) -> Tuple[str, float]:
+    """Keys of the inlet of a part, and its flow, mL/s."""
+    number, at_start = part.free[0]
+    curve = curves[number]
     root = float(np.median((curve.radii if at_start else curve.radii[::-1])[:10]))
     flow = min(_AORTA_ML_S, max(_LEAST_ML_S, _AORTA_ML_S * (root / _AORTA_MM) ** 3))
-    end = "" if at_start else 'inlet_end = "end"\n'
-    if free[0] != (0, True):
-        end = f"# The widest free end; the start of {curves[0].name} is joined to other curves.\n{end}"
-    return f"""# Outlets by Murray's law at all free ends but the inlet.
-[effects.flow]
-inlet = "{curve.name}"
-{end}# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, scaled by the cube of the radius. The median over the first 10
+    line, end, of = ("inlet", "inlet_end", "inlet_mL_s") if is_first else ("centerline", "end", "mL_s")
+    side = "" if at_start else f'{end} = "end"\n'
+    if part.free[0] != (part.curves[0], True):
+        side = f"# The widest free end; the start of {curves[part.curves[0]].name} is joined to other curves.\n{side}"
+    return f"""{line} = "{curve.name}"
+{side}# {_AORTA_ML_S:g} mL/s at a radius of {_AORTA_MM:g} mm, scaled by the cube of the radius. The median over the first 10
 # mm is {root:.2f} mm.
-inlet_mL_s = {flow:.3f}
+{of} = {flow:.3f}
+""", flow
 
+
+def _flow_text(curves: List[Curve], entry: Entry) -> str:
+    """Tables of the blood flow and the contrast agent."""
+    found = parts_of(curves)
+    if any(len(part.free) < 2 for part in found):
+        return ""
+    inlets = [_inlet_text(curves, part, k == 0) for k, part in enumerate(found)]
+    more = "".join(
+        f"# A part of the vessel without connection to the others.\n[[effects.flow.other_inlet]]\n{text}" for text, _ in inlets[1:]
+    )
+    _, flow = inlets[found.index(_part_at(curves, entry))]
+    return f"""# Outlets by Murray's law at all free ends but the inlets.
+[effects.flow]
+{inlets[0][0]}{more}
 [effects.contrast]
 # A quarter of the flow, at least 1 mL/s.
 rate_mL_s = {max(1.0, flow / 4):.2f}
@@ -258,7 +299,7 @@ coefficient = 0.08
 # A wire that reaches the end of the vessel leaves the model there.
 [effects.outlets]
 
-{_flow_text(curves)}
+{_flow_text(curves, entry)}
 [effects.fluoroscopy]
 # Middle of the centerlines.
 isocenter_mm = {_list(center)}

@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import pathlib
-from typing import Any, List, Optional, Tuple
+from typing import Any, List, Optional, Sequence, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from .._polyline import arcs_of, resampled
 from ..export import slicer_curve
 from ._base import Error, Points, as_text, need
-from .surface import Mesh
+from .surface import Mesh, part_at
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -382,6 +382,36 @@ def find(mesh: Mesh, root_mm: Optional[Any] = None, notes: Optional[List[str]] =
     return curves
 
 
+def find_all(found: Sequence[Mesh], roots_mm: Sequence[Any] = (), notes: Optional[List[str]] = None) -> List[Curve]:
+    """Centerlines of all parts of a surface, a tree in each.
+
+    A tree begins at the tip nearest to the first root that is nearest to its part. `notes` gets a sentence about a part
+    without a centerline. Raises Error if there is none at all.
+    """
+    notes = [] if notes is None else notes
+    owners = [part_at(found, place) for place in roots_mm]
+    curves: List[Curve] = []
+    for k, mesh in enumerate(found):
+        root = next((place for owner, place in zip(owners, roots_mm) if owner == k), None)
+        try:
+            add_tree(curves, find(mesh, root, notes))
+        except Error as error:
+            if len(found) == 1:
+                raise
+            notes.append(f"A part of {mesh.volume_mm3() / 1000:.2f} mL at {as_text(mesh.points[0])} mm has no flow: {error}.")
+    if not curves:
+        raise Error(_NO_LINE)
+    return curves
+
+
+def add_tree(curves: List[Curve], tree: List[Curve]) -> None:
+    """Adds the curves of another tree, with names and parents that go on from those before."""
+    first = len(curves)
+    for k, curve in enumerate(tree, first):
+        parent = None if curve.parent is None else first + curve.parent
+        curves.append(dataclasses.replace(curve, name=f"c{k:02}", parent=parent))
+
+
 def write(folder: pathlib.Path, curves: List[Curve]) -> None:
     """A curve of 3D Slicer for each centerline, in LPS and mm, in a new folder."""
     folder.mkdir()
@@ -396,6 +426,8 @@ def read(folder: pathlib.Path) -> List[Curve]:
         (markup,) = json.loads(path.read_text())["markups"]
         points = np.array([point["position"] for point in markup["controlPoints"]], float)
         radii = np.array(markup["measurements"][0]["controlPointValues"], float)
-        near = [np.linalg.norm(curve.points - points[0], axis=1).min() for curve in curves]
-        curves.append(Curve(path.name.split(".")[0], points, radii, int(np.argmin(near)) if near else None))
+        near = [float(np.linalg.norm(curve.points - points[0], axis=1).min()) for curve in curves]
+        # The first curve of each tree begins on no other one.
+        parent = int(np.argmin(near)) if near and min(near) <= STEP_MM else None
+        curves.append(Curve(path.name.split(".")[0], points, radii, parent))
     return curves

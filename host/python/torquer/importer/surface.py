@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import struct
-from typing import Any, List, Optional, Tuple, Union
+from typing import Any, List, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,8 @@ MOST_TRIANGLES = 60_000
 _JITTER_MM = 0.002
 # Parts of a surface that are named each; the others are summed up. Less than _SPECK_ML mL is noise and not a vessel.
 _MOST_NAMED, _SPECK_ML = 3, 0.01
+# A part with less than this share of the largest one's volume is a fragment, unless it is chosen.
+_FRAGMENT_SHARE = 0.1
 
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
 
@@ -154,26 +156,53 @@ def parts(mesh: Mesh) -> List[Mesh]:
     return found
 
 
-def chosen(mesh: Mesh, place_mm: Optional[Any] = None) -> Tuple[Mesh, List[str]]:
-    """The part nearest to a place, or the largest one, and sentences about the parts that are left out."""
+def part_at(found: Sequence[Mesh], place_mm: Any) -> int:
+    """Number of the part whose surface is nearest to a place."""
+    return int(np.argmin([np.linalg.norm(one.points - place_mm, axis=1).min() for one in found]))
+
+
+def wanted(mesh: Mesh, roots_mm: Sequence[Any] = (), near_mm: Sequence[Any] = ()) -> Tuple[Mesh, List[str]]:
+    """The parts that become the vessel, as one mesh, and sentences about the others.
+
+    They are those nearest to the roots. Without roots, they are all that are no fragments, and those nearest to `near_mm`.
+    """
     found = parts(mesh)
     if not found:
         raise Error("the surface encloses no lumen; check that it is closed, and its normals")
-    kept = 0
-    if place_mm is not None:
-        kept = int(np.argmin([np.linalg.norm(one.points - place_mm, axis=1).min() for one in found]))
-    others = [(one.volume_mm3() / 1000, one) for k, one in enumerate(found) if k != kept]
-    vessels = [(ml, one) for ml, one in others if ml >= _SPECK_ML]
-    if not vessels:
-        return found[kept], []
-    named = [f"{ml:.2f} mL at {as_text(_within(one))} mm" for ml, one in vessels[:_MOST_NAMED]]
-    more = len(vessels) - len(named)
-    rest = f", and {more} more with {sum(ml for ml, _ in vessels[_MOST_NAMED:]):.2f} mL" if more else ""
-    count = f"{len(vessels)} part{'s' if len(vessels) > 1 else ''}"
-    return found[kept], [
-        f"Left out: {count} without connection to the vessel of {found[kept].volume_mm3() / 1000:.2f} mL: {', '.join(named)}{rest}. "
-        "Give --root at an end of a part to import that part, or connect the parts in 3D Slicer."
-    ]
+    kept = {part_at(found, place) for place in roots_mm}
+    if not kept:
+        least = _FRAGMENT_SHARE * found[0].volume_mm3()
+        kept = {k for k, one in enumerate(found) if one.volume_mm3() >= least} | {part_at(found, place) for place in near_mm}
+    facts = []
+    if len(kept) > 1:
+        listed = _named([found[k] for k in sorted(kept)])
+        facts = [f"Parts: {len(kept)} without connection, each with its own inlet of the blood: {listed}. --root takes single ones."]
+    vessels = [one for k, one in enumerate(found) if k not in kept and one.volume_mm3() >= 1000 * _SPECK_ML]
+    if vessels:
+        count = f"{len(vessels)} part{'s' if len(vessels) > 1 else ''}"
+        ml = sum(found[k].volume_mm3() for k in kept) / 1000
+        facts.append(
+            f"Left out: {count} without connection to the vessel of {ml:.2f} mL: {_named(vessels)}. "
+            "Give --root at an end of each part that you want, or connect the parts in 3D Slicer."
+        )
+    return joined([found[k] for k in sorted(kept)]), facts
+
+
+def _named(found: Sequence[Mesh]) -> str:
+    """Volumes and places of the largest parts, and the volume of the others."""
+    named = [f"{one.volume_mm3() / 1000:.2f} mL at {as_text(_within(one))} mm" for one in found[:_MOST_NAMED]]
+    more = found[_MOST_NAMED:]
+    rest = f", and {len(more)} more with {sum(one.volume_mm3() for one in more) / 1000:.2f} mL" if more else ""
+    return ", ".join(named) + rest
+
+
+def joined(found: Sequence[Mesh]) -> Mesh:
+    """All parts in one mesh."""
+    if len(found) == 1:
+        return found[0]
+    starts = np.cumsum([0, *(len(one.points) for one in found)])
+    triangles = [one.triangles + start for one, start in zip(found, starts)]
+    return Mesh(np.vstack([one.points for one in found]), np.vstack(triangles))
 
 
 def _within(mesh: Mesh) -> Any:

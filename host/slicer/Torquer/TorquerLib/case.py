@@ -84,7 +84,7 @@ def program_words(text: str, environment: Dict[str, str]) -> List[str]:
 def _places(root_ras: Points, entry_ras: Points) -> List[str]:
     words = []
     for option, points in (("--root", root_ras), ("--entry", entry_ras)):
-        if len(points) > 1:
+        if option == "--entry" and len(points) > 1:
             raise Refused(f"{option}: the point list has {len(points)} points; leave one")
         words += [point_word(option, point) for point in points]
     return words
