@@ -59,7 +59,9 @@ const Keys<ComplianceSpec>& ComplianceKeys() {
       Keys<ComplianceSpec>()
           .Tables(
               "region", &ComplianceSpec::regions, ComplianceRegionKeys(), 1,
-              "regions of the wall with another stiffness; a later region overrides an earlier one")
+              "regions of the wall with another stiffness; a later region overrides an earlier "
+              "one; "
+              "across a soft edge the logarithm of the stiffness changes evenly with the weight")
           .Example(
               "[[effects.compliance.region]]\n"
               "centerline = \"lad\"\n"
