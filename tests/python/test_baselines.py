@@ -106,7 +106,7 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
             self.step_count = 0
             made[0] += (seed,)
             zeros = {"tracking": np.zeros((2, 3, 2)), "target": np.zeros(2), "last_action": np.zeros((1, 2))}
-            return zeros, {"time_s": 0.5}
+            return zeros, {"time_s": 0.5, "at_end": False}
 
         def step(self, action):
             assert action == pytest.approx(np.array([[35.0, 0.0]]))
@@ -120,6 +120,7 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
                 "path_ratio": 0.25 * (k + 1),
                 "wall_force_mN": [10.0 * (k + 1), math.nan if k == 2 else 40.0, 5.0][self.step_count - 1],
                 "target": "lcca",
+                "at_end": self.step_count == 2,
             }
             return self._none(), 0.0, end and k != 1, end and k == 1, info
 
@@ -135,16 +136,20 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
     # Episodes 0 and 2 last for 3 and 9 s.
     assert found["time_s"] == pytest.approx(6) and found["path_ratio"] == pytest.approx(0.5)
     assert (found["force_p50_mN"], found["force_max_mN"], found["steps_of_unknown_force"]) == (40, 40, 1)
-    table = baselines.as_table([{**found, "policy": "only pushed"}]).splitlines()
-    assert table[2] == "| BasicWireNav, realistic | only pushed | 2 of 3 | 1, 1 | 6.0 | 0.50 | 40, 40 |"
+    # The third step of each episode begins at an end of the vessel, and does not count.
+    assert found["steps"] == 6 and found["steps_core_s"] > 0
+    table = baselines.as_table([{**found, "policy": "only pushed", "steps_core_s": 800.4}]).splitlines()
+    assert table[2] == "| BasicWireNav, realistic | only pushed | 2 of 3 | 1, 1 | 6.0 | 0.50 | 40, 40 | 800 |"
 
 
 def test_evaluations_repeat(short, tmp_path):
     policy = trained(tmp_path / "a.npz", "ArchVariety")
-    first = baselines.evaluate("ArchVariety", False, policy.act, 3)
-    assert first == baselines.evaluate("ArchVariety", False, policy.act, 3)
+    first, again, pushed = (baselines.evaluate("ArchVariety", False, act, 3) for act in (policy.act, policy.act, None))
+    for found in (first, again, pushed):
+        del found["steps_core_s"]
+    assert first == again and first["steps"] == 15
     assert first["reached"] == 0 and first["time_s"] is None
-    assert first != baselines.evaluate("ArchVariety", False, None, 3)
+    assert first != pushed
 
 
 def torquer_command(*arguments):

@@ -185,18 +185,22 @@ def evaluate(
     name: str, realistic: bool, act: Optional[Act], episodes: int, training: bool = False, out: Optional[TextIO] = None
 ) -> Dict[str, Any]:
     """Tests a policy in held-out episodes of a task, with its published step limit. act: None: all instruments are only
-    pushed, at full speed. training: True: at the accuracy of training. Values that are not known are None."""
+    pushed, at full speed. training: True: at the accuracy of training. Values that are not known are None. The rate is that of steps that do not begin at an end of the vessel."""
     env = steve.SteveEnv(name, realistic, steve.task(name, training))
     speeds = env.action_space.high
     push = np.tile([1.0, 0.0], (len(speeds), 1))
     rows = []
+    steps, core_s = 0, 0.0
     for k in range(whole("episodes", episodes, 1, 10**6)):
         observation, info = env.reset(seed=HELD_OUT_SEED + k)
         ended, largest_mN, unknown = False, 0.0, 0
         began_s = info["time_s"]
         while not ended:
             shares = push if act is None else act(features(observation)).reshape(-1, 2)
+            at_end, began_core_s = info["at_end"], time.process_time()
             observation, _, terminated, truncated, info = env.step(shares * speeds)
+            if not at_end:
+                steps, core_s = steps + 1, core_s + time.process_time() - began_core_s
             ended = terminated or truncated
             largest_mN = float(np.fmax(largest_mN, info["wall_force_mN"]))
             unknown += bool(np.isnan(info["wall_force_mN"]))
@@ -217,20 +221,23 @@ def evaluate(
         "force_p50_mN": float(np.median([row[4] for row in rows])),
         "force_max_mN": max(row[4] for row in rows),
         "steps_of_unknown_force": sum(row[5] for row in rows),
+        "steps": steps,
+        "steps_core_s": steps / max(core_s, 1e-9),
     }
 
 
 def as_table(results: List[Dict[str, Any]]) -> str:
     """Results as a table in Markdown."""
     lines = [
-        "| task | policy | reached | safely, unknown | time, s | path ratio | largest force of an episode p50, max, mN |",
-        "|---|---|---|---|---|---|---|",
+        "| task | policy | reached | safely, unknown | time, s | path ratio | largest force of an episode p50, max, mN | "
+        "steps/s a core |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for row in results:
         time_s = "-" if row["time_s"] is None else f"{row['time_s']:.1f}"
         lines.append(
             f"| {row['task']}{', realistic' if row['realistic'] else ''} | {row['policy']} | "
             f"{row['reached']} of {row['episodes']} | {row['safe']}, {row['safety_unknown']} | {time_s} | "
-            f"{row['path_ratio']:.2f} | {row['force_p50_mN']:.0f}, {row['force_max_mN']:.0f} |"
+            f"{row['path_ratio']:.2f} | {row['force_p50_mN']:.0f}, {row['force_max_mN']:.0f} | {row['steps_core_s']:.0f} |"
         )
     return "\n".join(lines)
