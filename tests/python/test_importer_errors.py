@@ -1,6 +1,5 @@
 """Scans of known truth, and the measures by which imported cases are compared with it."""
 
-import subprocess
 import sys
 
 import numpy as np
@@ -78,6 +77,20 @@ def test_branches_and_ways_are_measured():
     assert abs(errors.way_of([trunk, left, right], entry) - 0.8 * 40) < 2
 
 
+def test_tips_on_both_sides_of_a_branching_are_not_alike():
+    curves = [line("c00", (0, 0, 0), (0, 0, 40), 3.0), line("c01", (0, 0, 20), (20, 0, 20), 2.0, 0)]
+
+    def alike(one, other):
+        runs = [errors.Run(np.zeros((0, 3)), np.array(tip, float)) for tip in (one, other)]
+        return errors.went_alike(curves, *runs)
+
+    # Below the branch, above it, and in it.
+    assert alike((0, 0, 5), (0, 1, 15)) and alike((0, 0, 25), (0, 1, 38)) and alike((8, 0, 20), (19, 0, 20))
+    assert not alike((0, 0, 5), (0, 0, 35)) and not alike((0, 0, 5), (15, 0, 20))
+    # Beside each other at the branching.
+    assert alike((0, 0, 19), (0, 0, 21))
+
+
 def test_the_wire_bends_to_the_front_in_every_frame(truth):
     entry = case.Entry("c00 start", np.array([0, 0, 3.0]), np.array([0, 0, 1.0]), RADIUS_MM)
     vessel = errors.Vessel(errors.tables_of(truth.scene.text), truth.scene.folder, [], truth)
@@ -88,10 +101,10 @@ def test_the_wire_bends_to_the_front_in_every_frame(truth):
     assert way[1] < -0.5 and abs(way[0]) < 0.1 and way[2] > 10, "the front is -y in LPS"
 
 
-def test_options_are_checked():
-    command = [sys.executable, "-B", "-m", "torquer.importer.errors", "--voxels"]
-    for words in ("5", "x"):
-        done = subprocess.run([*command, words], capture_output=True, text=True, timeout=60)
-        assert done.returncode == 2 and f"--voxels {words}: give sizes from 0.2 to 2 mm" in done.stderr
-    done = subprocess.run([*command, "1", "--entry=1,2"], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2 and "--entry=1,2: give left, posterior and superior in mm" in done.stderr
+def test_options_are_checked(monkeypatch, capsys):
+    for words, said in [
+        (["--voxels", "5"], "--voxels 5: give sizes from 0.2 to 2 mm"), (["--voxels", "x"], "--voxels x: give sizes from 0.2 to 2 mm"),
+        (["--voxels", "1", "--entry=1,2"], "--entry=1,2: give left, posterior and superior in mm"),
+    ]:
+        monkeypatch.setattr(sys, "argv", ["errors", *words])
+        assert errors.main() == 2 and said in capsys.readouterr().err

@@ -30,6 +30,8 @@ from ._truth import BLUR_MM, NOISE, Truth, scan_of, seed_of
 from .centerlines import Curve
 
 _WALL_POINTS = 60_000
+# Grid of the true surface, mm: the same for all voxel sizes.
+_REFERENCE_MM = 0.5
 _TURNS, _OFFSETS_MM = (0.0, 2.1, 4.2), (-2.0, 0.0, 2.0)
 _PUSH_MM, _ROW_S = 1.0, 0.1
 # Share of the way to the farthest tip that is pushed.
@@ -68,8 +70,8 @@ def tables_of(text: str) -> str:
     return "".join(part for part in re.split(r"(?m)^(?=\[)", text) if re.match(r"\[+(vessel|patient_axes)\b", part))
 
 
-def reference(truth: Truth, step_mm: float) -> Vessel:
-    """The true vessel, with curves that the importer finds in its exact surface."""
+def reference(truth: Truth, step_mm: float = _REFERENCE_MM) -> Vessel:
+    """The true vessel, with curves that the importer finds in its exact surface on a grid."""
     low = truth.low - 3.37 * step_mm
     size = np.ceil((truth.high + 3 * step_mm - low) / step_mm).astype(int) + 1
     values = np.zeros(tuple(size[::-1]), np.float32)
@@ -79,7 +81,8 @@ def reference(truth: Truth, step_mm: float) -> Vessel:
         values[k] = np.clip(0.5 + truth.depth_mm(points) / (4 * step_mm), 0, 1).reshape(j.shape)
     affine = np.diag([step_mm] * 3 + [1.0])
     affine[:3, 3] = low
-    curves = centerlines.find(surface.decimate(surface.chosen(surface.isosurface(values, 0.5, affine))[0]))
+    mesh = surface.decimate(surface.wanted(surface.isosurface(values, 0.5, affine))[0])
+    curves = centerlines.find_all(surface.parts(mesh))
     return Vessel(tables_of(truth.scene.text), truth.scene.folder, curves, truth)
 
 
@@ -123,6 +126,28 @@ def branch_of(curves: List[Curve], point: Any) -> int:
     return int(np.argmin(shares))
 
 
+def section_of(curves: List[Curve], point: Any) -> Tuple[int, int]:
+    """The curve whose lumen a point lies in, and the number of curves that leave it before the point."""
+    number = branch_of(curves, point)
+    points = curves[number].points
+
+    def at(place: Any) -> int:
+        return int(np.linalg.norm(points - place, axis=1).argmin())
+
+    left = [curve for curve in curves if curve.parent == number and at(curve.points[0]) < at(point)]
+    return number, len(left)
+
+
+def went_alike(curves: List[Curve], one: Run, other: Run) -> bool:
+    """True if two tips lie between the same branchings, or beside each other at one."""
+    number, _ = section = section_of(curves, one.tip)
+    if section == section_of(curves, other.tip):
+        return True
+    curve = curves[number]
+    radius = float(curve.radii[np.linalg.norm(curve.points - one.tip, axis=1).argmin()])
+    return float(np.linalg.norm(one.tip - other.tip)) < radius
+
+
 def way_of(curves: List[Curve], entry: case.Entry) -> float:
     """Length that is pushed: a share of the longest way from the entry to another tip."""
     tips = [curves[0].points[0], *(curve.points[-1] for curve in curves)]
@@ -139,7 +164,9 @@ def way_of(curves: List[Curve], entry: case.Entry) -> float:
     graph = need("scipy.sparse").coo_matrix((lengths, joined.T), (len(nodes), len(nodes)))
     whole = tree(nodes)
     from_entry = need("scipy.sparse.csgraph").dijkstra(graph.tocsr(), directed=False, indices=int(whole.query(entry.point_mm)[1]))
-    return _WAY_SHARE * float(from_entry[whole.query(np.array(tips))[1]].max())
+    lengths_to_tips = from_entry[whole.query(np.array(tips))[1]]
+    # Tips of another part of the vessel are at no distance.
+    return _WAY_SHARE * float(lengths_to_tips[np.isfinite(lengths_to_tips)].max())
 
 
 def branches_found(true: List[Curve], found: List[Curve]) -> Tuple[int, int]:
@@ -182,7 +209,7 @@ def row_of(
     same = min(case.entries_of(vessel.curves), key=lambda one: float(np.linalg.norm(one.point_mm - entry.point_mm)))
     way_mm = way_of(true.curves, entry)
     ours, theirs = runs(true, entry, way_mm), runs(vessel, same, way_mm)
-    alike = sum(branch_of(true.curves, a.tip) == branch_of(true.curves, b.tip) for a, b in zip(ours, theirs))
+    alike = sum(went_alike(true.curves, a, b) for a, b in zip(ours, theirs))
     tips = np.array([np.linalg.norm(a.tip - b.tip) for a, b in zip(ours, theirs)])
     wires = np.concatenate([np.linalg.norm(a.wire - b.wire, axis=1) for a, b in zip(ours, theirs)])
     angle = np.degrees(np.arccos(np.clip(entry.direction @ same.direction, -1, 1)))
@@ -224,7 +251,7 @@ def main() -> int:
         rows = [HEAD]
         for name in arguments.scenes:
             truth = Truth(Scene(name))
-            true = reference(truth, max(0.5, min(voxels)))
+            true = reference(truth)
             wall = truth.wall_points(_WALL_POINTS)
             for voxel_mm in voxels:
                 with tempfile.TemporaryDirectory() as folder:
