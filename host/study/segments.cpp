@@ -131,7 +131,8 @@ SceneErrors Measure(const std::string& path, unsigned seed, int rows) {
 double Quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::nan("");
   std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
+  const double at = q * static_cast<double>(values.size() - 1);
+  return values[static_cast<std::size_t>(std::lround(at))];
 }
 
 class SegmentsStudy final : public Study {

@@ -13,7 +13,6 @@ using Catch::Contains;
 using torquer::effects::Contrast;
 using torquer::effects::ContrastSettings;
 using torquer::effects::Flow;
-using torquer::effects::FlowEdge;
 using torquer::effects::FlowPlace;
 using torquer::test::kFork;
 using torquer::test::Refusal;
