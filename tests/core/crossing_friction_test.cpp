@@ -11,6 +11,7 @@
 #include "host/simulator/effects/contact/friction_between.h"
 #include "tests/support/allocation_counter.h"
 #include "tests/support/crossing_curves.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/sanitizer.h"
 
 namespace torquer::test {
