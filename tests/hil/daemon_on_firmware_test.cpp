@@ -48,6 +48,13 @@ struct Bench {
     REQUIRE(listener.Until([&] { return device.inputs_delivered() > before + 1; }));
   }
 
+  // Waits for the next connection. Commands from before it have no doubt flag, although the sensor
+  // restarts and counts nothing yet: they are forgotten.
+  void AwaitConnection() {
+    REQUIRE(listener.UntilHealth("running", "device HIL-1 is connected again"));
+    listener.Forget();
+  }
+
   // Pushes once and waits until the wire has followed by about that distance.
   void PushFrom(instrument_command_t start) {  // a copy: its list grows
     hand.Push();
@@ -100,13 +107,13 @@ TEST_CASE("The chain continues without a jump after unplug, reset, stall and sho
       REQUIRE(bench.listener.UntilHealth("waiting for device", "was unplugged"));
       bench.listener.Forget();
       bench.device.Plug();
-      REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
+      bench.AwaitConnection();
     }
     CHECK(bench.listener.counters["connections"] == 4);
   }
   SECTION("reset") {
     bench.device.Do([](BenchDevice& device, UsbHost&) { device.ResetByPin(); });
-    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
+    bench.AwaitConnection();
     REQUIRE(bench.listener.Until([&] { return bench.listener.counters["device_resets"] == 1; }));
   }
   SECTION("hung, and reset by its watchdog") {
@@ -118,7 +125,7 @@ TEST_CASE("The chain continues without a jump after unplug, reset, stall and sho
       CHECK(device.chip().resets() > 0);
       device.chip().SetDead(torquer::emulator::Atmega32u4::Peripheral::kNone);
     });
-    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
+    bench.AwaitConnection();
   }
   SECTION("garbage") {
     std::vector<std::uint8_t> bytes(sizeof(torquer::protocol::InputReport));
