@@ -2,8 +2,9 @@
 
 A policy is trained by the PPO of torquer.examples.train_ppo, at the accuracy of training, with the published
 observation and actions. Its reward is that of NavigationEnv: progress in mm / 10, -0.01 for each step, +10 at the
-target. Episodes of the training end after 250 steps, or at an end of the vessel. ArchVariety has 48 arches in it. Its file has the hash of the build. Another build may find other
-shapes, so an evaluation refuses the file.
+target. Episodes of the training end after 250 steps, or at an end of the vessel. In ArchVariety they take place in 48
+arches. The file of a policy has the hash of the build. Another build may find other shapes, so an evaluation refuses the
+file.
 """
 
 from __future__ import annotations
@@ -185,7 +186,8 @@ def evaluate(
     name: str, realistic: bool, act: Optional[Act], episodes: int, training: bool = False, out: Optional[TextIO] = None
 ) -> Dict[str, Any]:
     """Tests a policy in held-out episodes of a task, with its published step limit. act: None: all instruments are only
-    pushed, at full speed. training: True: at the accuracy of training. Values that are not known are None. The rate is that of steps that do not begin at an end of the vessel."""
+    pushed, at full speed. training: True: at the accuracy of training. Values that are not known are None. The rate is
+    that of steps that do not begin at an end of the vessel."""
     env = steve.SteveEnv(name, realistic, steve.task(name, training))
     speeds = env.action_space.high
     push = np.tile([1.0, 0.0], (len(speeds), 1))
