@@ -38,7 +38,7 @@ def test_a_policy_is_trained_by_the_seed_and_read_again(short, tmp_path):
     assert (read.task, read.realistic, read.seed) == ("BasicWireNav", False, 1)
     # Two updates of 6 steps in each environment. Its episodes have 4 steps.
     assert read.curve[:, 0].tolist() == [12, 24] and read.curve[:, 1].tolist() == [2, 4]
-    env = steve.make("BasicWireNav")
+    env = steve.SteveEnv("BasicWireNav")
     x = baselines.features(env.reset(seed=1)[0])
     assert (policy.act(x) == read.act(x)).all() and read.act(x).shape == (2,) and (abs(read.act(x)) <= 1).all()
     again, other = trained(tmp_path / "b.npz"), trained(tmp_path / "c.npz", seed=2)
@@ -95,7 +95,7 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
     made = []
 
     class Stand:
-        action_space = steve.make("BasicWireNav").action_space
+        action_space = steve.SteveEnv("BasicWireNav").action_space
 
         def __init__(self, name, realistic, task):
             made.append((name, realistic, task))

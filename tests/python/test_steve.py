@@ -34,7 +34,7 @@ def curves():
 
 def test_limits_are_those_of_the_definition():
     for name in steve.NAMES:
-        env = steve.make(name)
+        env = steve.SteveEnv(name)
         count = 2 if name == "DualDeviceNav" else 1
         assert env.action_space.high == pytest.approx(np.tile([35, 3.14], (count, 1)))
         assert (env.action_space.low == -env.action_space.high).all()
@@ -48,8 +48,8 @@ def test_limits_are_those_of_the_definition():
 
 
 def test_devices_and_friction_are_those_of_the_definition():
-    wire, pair = steve.make("ArchVariety"), steve.make("DualDeviceNav")
-    assert tomllib.loads(steve.make("BasicWireNav").scene.text)["instrument"] == tomllib.loads(wire.scene.text)["instrument"]
+    wire, pair = steve.SteveEnv("ArchVariety"), steve.SteveEnv("DualDeviceNav")
+    assert tomllib.loads(steve.SteveEnv("BasicWireNav").scene.text)["instrument"] == tomllib.loads(wire.scene.text)["instrument"]
     found = tomllib.loads(wire.scene.text)
     assert found["effects"]["friction"]["coefficient"] == 0.1
     assert tomllib.loads(pair.scene.text)["effects"]["friction"]["coefficient"] == 0.001
@@ -69,14 +69,14 @@ def test_devices_and_friction_are_those_of_the_definition():
 
 def test_a_realistic_task_differs_only_in_its_devices_and_effects():
     for name in steve.NAMES:
-        texts = [tomllib.loads(steve.make(name, realistic).scene.text) for realistic in (False, True)]
+        texts = [tomllib.loads(steve.SteveEnv(name, realistic).scene.text) for realistic in (False, True)]
         for text in texts:
             del text["instrument"], text["effects"], text["relaxation"]
         assert texts[0] == texts[1]
         coefficients, tips = zip(
             *[
                 (torquer_scene["effects"]["friction"]["coefficient"], torquer_scene["instrument"][0]["tip_angle_deg"])
-                for torquer_scene in (tomllib.loads(steve.make(name, realistic).scene.text) for realistic in (False, True))
+                for torquer_scene in (tomllib.loads(steve.SteveEnv(name, realistic).scene.text) for realistic in (False, True))
             ]
         )
         assert coefficients[1] == 0.08 != coefficients[0] and tips[0] == tips[1]
@@ -85,7 +85,7 @@ def test_a_realistic_task_differs_only_in_its_devices_and_effects():
 def test_targets_lie_outside_of_all_other_vessels():
     files = curves()
     for name, others in (("BasicWireNav", {"curve_00", "curve_02"}), ("DualDeviceNav", set(files))):
-        env = steve.make(name, task=fast(name))
+        env = steve.SteveEnv(name, task=fast(name))
         drawn = set()
         for seed in range(40):
             _, info = env.reset(seed=seed)
@@ -102,7 +102,7 @@ def test_targets_lie_outside_of_all_other_vessels():
 
 
 def test_arches_have_the_branches_of_the_definition():
-    env = steve.make("ArchVariety", task=fast("ArchVariety"), arch_count=3)
+    env = steve.SteveEnv("ArchVariety", task=fast("ArchVariety"), arch_count=3)
     seen, drawn = set(), set()
     for seed in range(40):
         _, info = env.reset(seed=seed)
@@ -110,7 +110,7 @@ def test_arches_have_the_branches_of_the_definition():
         drawn.add(info["target"])
     assert len(seen) == 3
     assert drawn == {"brachiocephalic", "lcca", "rcca", "lsa", "rsa"}
-    env = steve.make("ArchVariety", task=fast("ArchVariety"))
+    env = steve.SteveEnv("ArchVariety", task=fast("ArchVariety"))
     names = set()
     # The kept arches are those of the seeds 0 to 2.
     for seed in range(100, 112):
@@ -121,7 +121,7 @@ def test_arches_have_the_branches_of_the_definition():
 
 
 def test_a_step_moves_the_hands_at_the_speeds():
-    env = steve.make("DualDeviceNav", task=fast("DualDeviceNav"))
+    env = steve.SteveEnv("DualDeviceNav", task=fast("DualDeviceNav"))
     env.reset(seed=1)
     before = env.simulation.hands
     time_s = env.simulation.time_s
@@ -141,7 +141,7 @@ def test_a_step_moves_the_hands_at_the_speeds():
     ("DualDeviceNav", ((0, 1, 0), (0, 0, -1), (-1, 0, 0)), 20, 5),
 ])
 def test_observations_are_places_in_the_picture(name, axes, turn, tilt):
-    env = steve.make(name, task=fast(name))
+    env = steve.SteveEnv(name, task=fast(name))
     first, info = env.reset(seed=3)
     assert (first["tracking"][0] == first["tracking"][1]).all() and (first["last_action"] == 0).all()
     others = [[0, 0]] * (len(env.action_space.high) - 1)
@@ -172,7 +172,7 @@ def test_observations_are_places_in_the_picture(name, axes, turn, tilt):
 
 
 def test_the_reward_is_the_published_one():
-    env = steve.make("BasicWireNav", task=fast("BasicWireNav"))
+    env = steve.SteveEnv("BasicWireNav", task=fast("BasicWireNav"))
     _, info = env.reset(seed=1)
     start_mm = left_mm = info["remaining_mm"]
     assert info["path_ratio"] == 0
@@ -181,7 +181,7 @@ def test_the_reward_is_the_published_one():
         assert reward == pytest.approx(0.001 * (left_mm - info["remaining_mm"]) - 0.005, abs=1e-9)
         left_mm = info["remaining_mm"]
     assert not terminated and info["path_ratio"] == pytest.approx(1 - left_mm / start_mm) and info["path_ratio"] > 0.03
-    there = steve.make("BasicWireNav", task=fast("BasicWireNav", within_mm=1e4))
+    there = steve.SteveEnv("BasicWireNav", task=fast("BasicWireNav", within_mm=1e4))
     _, before = there.reset(seed=1)
     _, reward, terminated, _, info = there.step([[35, 0]])
     assert terminated and info["success"]
@@ -189,7 +189,7 @@ def test_the_reward_is_the_published_one():
 
 
 def test_an_end_of_the_vessel_is_found():
-    env = steve.make("BasicWireNav", True, task=fast("BasicWireNav", within_mm=0, max_steps=150))
+    env = steve.SteveEnv("BasicWireNav", True, task=fast("BasicWireNav", within_mm=0, max_steps=150))
     _, info = env.reset(seed=1)
     while not info["at_end"]:
         *_, truncated, info = env.step([[35, 0]])
@@ -200,7 +200,7 @@ def test_an_end_of_the_vessel_is_found():
 
 
 def test_nothing_is_pushed_past_an_end_of_the_vessel(monkeypatch):
-    env = steve.make("DualDeviceNav", task=fast("DualDeviceNav", within_mm=0))
+    env = steve.SteveEnv("DualDeviceNav", task=fast("DualDeviceNav", within_mm=0))
     env.reset(seed=1)
     for _ in range(8):
         _, _, _, _, info = env.step([[35, 0], [15, 0]])
@@ -221,7 +221,7 @@ def test_nothing_is_pushed_past_an_end_of_the_vessel(monkeypatch):
 
 @pytest.mark.parametrize("name,realistic", ALL)
 def test_an_environment_keeps_the_conditions_of_gymnasium(name, realistic):
-    env = steve.make(name, realistic, task=fast(name, max_steps=6))
+    env = steve.SteveEnv(name, realistic, task=fast(name, max_steps=6))
 
     def episode(env, seed):
         seen = [env.reset(seed=seed)]
@@ -252,13 +252,13 @@ def test_an_environment_keeps_the_conditions_of_gymnasium(name, realistic):
 
 def test_an_unknown_task_is_refused():
     with pytest.raises(torquer.Error, match="there is no task 'Basic' of stEVE_bench; there are: BasicWireNav, "):
-        steve.make("Basic")
+        steve.SteveEnv("Basic")
     with pytest.raises(torquer.Error, match="there are: BasicWireNav, "):
         steve.task("Basic")
 
 
 def test_a_view_is_rendered():
-    env = steve.make("BasicWireNav", render_mode="rgb_array", task=fast("BasicWireNav"))
+    env = steve.SteveEnv("BasicWireNav", render_mode="rgb_array", task=fast("BasicWireNav"))
     env.reset(seed=1)
     picture = env.render()
     assert picture.dtype == np.uint8 and picture.ndim == 3

@@ -284,7 +284,7 @@ def register() -> None:
             id = f"torquer/{name}{'Realistic' if realistic else ''}-v0"
             if id not in gymnasium.registry:
                 kwargs = {"name": name, "realistic": realistic}
-                gymnasium.register(id, entry_point="torquer.steve:make", kwargs=kwargs)
+                gymnasium.register(id, entry_point="torquer.steve:SteveEnv", kwargs=kwargs)
 
 
 if gymnasium is not None:

@@ -2,7 +2,7 @@
 
     import torquer.steve
 
-    env = torquer.steve.make("ArchVariety")                     # or realistic=True
+    env = torquer.steve.SteveEnv("ArchVariety")                 # or realistic=True
     observation, info = env.reset(seed=1)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
@@ -393,16 +393,3 @@ class SteveEnv(Env):  # type: ignore[misc]
             "target": self._target.copy(),
             "last_action": self._last_action.copy(),
         }
-
-
-def make(
-    name: str,
-    realistic: bool = False,
-    task: Optional[Task] = None,
-    render_mode: Optional[str] = None,
-    reward: Optional[Reward] = published_reward,
-    end: Optional[End] = None,
-    arch_count: Optional[int] = None,
-) -> SteveEnv:
-    """Environment of a task of stEVE_bench. The arguments are those of SteveEnv."""
-    return SteveEnv(name, realistic, task, render_mode, reward, end, arch_count)
