@@ -84,7 +84,10 @@ TEST_CASE("The rigidity of every device follows from the figures of its sources"
       CHECK(RigidityAt(device.instrument, source.from_tip_mm) ==
             Approx(RigidityOf(source)).epsilon(0.006));
       if (!source.outer_diameter_mm) continue;
-      CHECK(2 * device.instrument.radius_mm.back() == Approx(*source.outer_diameter_mm));
+      const double diameter_mm = 2 * device.instrument.radius_mm.back();
+      // The core of a wire may be thinner than its jacket.
+      const bool core = device.kind == Kind::kWire && *source.outer_diameter_mm < diameter_mm;
+      CHECK((core || diameter_mm == Approx(*source.outer_diameter_mm)));
       CHECK(2 * device.instrument.inner_radius_mm == Approx(source.inner_diameter_mm));
     }
     if (device.kind == Kind::kWire) {
