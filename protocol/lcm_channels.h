@@ -2,6 +2,7 @@
 // (lcm/*.lcm).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -13,8 +14,10 @@ inline constexpr char kImagingCommandChannel[] = "TORQUER_IMAGING_COMMAND";
 inline constexpr char kWedgeCommandChannel[] = "TORQUER_WEDGE_COMMAND";
 inline constexpr char kInjectorCommandChannel[] = "TORQUER_INJECTOR_COMMAND";
 inline constexpr char kTableCommandChannel[] = "TORQUER_TABLE_COMMAND";
+inline constexpr char kExchangeCommandChannel[] = "TORQUER_EXCHANGE_COMMAND";
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
+inline constexpr char kDevicesChannel[] = "TORQUER_DEVICES";
 inline constexpr char kReadingsChannel[] = "TORQUER_READINGS";
 inline constexpr char kVitalSignsChannel[] = "TORQUER_VITAL_SIGNS";
 inline constexpr char kWireForcesChannel[] = "TORQUER_WIRE_FORCES";
@@ -25,14 +28,18 @@ inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
 inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
 /// All of them.
-inline constexpr const char* kChannels[] = {kDeviceSampleChannel,   kInstrumentCommandChannel,
-                                            kWireStateChannel,      kSceneChannel,
-                                            kReadingsChannel,       kWireForcesChannel,
-                                            kPictureChannel,        kHealthChannel,
-                                            kHandMotionChannel,     kEmulatorTruthChannel,
-                                            kImagingCommandChannel, kLateralPictureChannel,
-                                            kTableCommandChannel,   kVitalSignsChannel,
-                                            kWedgeCommandChannel,   kInjectorCommandChannel};
+inline constexpr const char* kChannels[] = {kDeviceSampleChannel,    kInstrumentCommandChannel,
+                                            kWireStateChannel,       kSceneChannel,
+                                            kReadingsChannel,        kWireForcesChannel,
+                                            kPictureChannel,         kHealthChannel,
+                                            kHandMotionChannel,      kEmulatorTruthChannel,
+                                            kImagingCommandChannel,  kLateralPictureChannel,
+                                            kTableCommandChannel,    kVitalSignsChannel,
+                                            kWedgeCommandChannel,    kInjectorCommandChannel,
+                                            kExchangeCommandChannel, kDevicesChannel};
+
+/// Most exchanges of instruments in a session, so that devices_t fits into a datagram.
+inline constexpr std::size_t kMostExchanges = 200;
 
 /// Version of the message types: any change of a type needs a new version (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 3;

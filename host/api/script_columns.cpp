@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "host/simulator/command_limits.h"
+#include "host/simulator/scene/device_library.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
@@ -73,8 +75,13 @@ void ScriptColumns::TakeColumn(std::size_t index) {
       return add(k, -simulator::kPoseLimit, simulator::kPoseLimit, false,
                  [](std::size_t i, double v, Row row) { row.hands[i].rotation_rad = v; });
     }
+    if (name == instrument + ".device") {
+      device_columns_.push_back({index, k, ""});
+      return;
+    }
     known.push_back(instrument + ".insertion_mm");
     known.push_back(instrument + ".rotation_rad");
+    known.push_back(instrument + ".device");
   }
   const std::string near = NearestName(name, known);
   throw UserError(
@@ -83,8 +90,28 @@ void ScriptColumns::TakeColumn(std::size_t index) {
                   near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
 }
 
-Command ScriptColumns::Read(const CsvRow& row) {
-  Command command;
+void ScriptColumns::ReadDevices(const CsvRow& row, ScriptRow& out) {
+  for (DeviceColumn& column : device_columns_) {
+    const std::string& device = row.cells[column.index];
+    if (device.empty() || device == column.device) continue;
+    const std::vector<std::string> known = scene::DeviceNames();
+    if (std::find(known.begin(), known.end(), device) == known.end()) {
+      const std::string near = NearestName(device, known);
+      table_.Refuse(
+          row, column.index,
+          fmt::format(", not a device of the library; {}there are: {}",
+                      near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
+    }
+    column.device = device;
+    out.exchanges.push_back({column.instrument, device});
+  }
+}
+
+ScriptRow ScriptColumns::Read(const CsvRow& row) {
+  ScriptRow out;
+  out.place = fmt::format("{}:{}", table_.path, row.line);
+  ReadDevices(row, out);
+  Command& command = out.command;
   for (const InstrumentInfo& instrument : instruments_) command.hands.push_back(instrument.start);
   for (const Column& column : columns_) {
     const double value = table_.Number(row, column.index);
@@ -103,16 +130,16 @@ Command ScriptColumns::Read(const CsvRow& row) {
                   ", not later than the previous row; give increasing times");
   }
   before_s_ = command.time_s;
-  return command;
+  return out;
 }
 
-std::vector<Command> ReadScript(const std::string& script, const std::string& scene,
-                                const std::vector<InstrumentInfo>& instruments) {
+std::vector<ScriptRow> ReadScript(const std::string& script, const std::string& scene,
+                                  const std::vector<InstrumentInfo>& instruments) {
   const CsvTable table = ReadCsvTable(script);
   ScriptColumns columns(table, scene, instruments);
-  std::vector<Command> commands;
-  for (const CsvRow& row : table.rows) commands.push_back(columns.Read(row));
-  return commands;
+  std::vector<ScriptRow> rows;
+  for (const CsvRow& row : table.rows) rows.push_back(columns.Read(row));
+  return rows;
 }
 
 }  // namespace torquer

@@ -11,8 +11,21 @@
 
 namespace torquer {
 
+/// Row of a script.
+struct ScriptRow {
+  /// Exchange of an instrument for a device of the library, before the row's motion.
+  struct Exchange {
+    std::size_t instrument = 0;
+    std::string device;
+  };
+  std::string place;  ///< file and line, for errors
+  std::vector<Exchange> exchanges;
+  Command command;
+};
+
 /// Columns of a script by name. time_s is required and ascends. Optional columns of each instrument
-/// are NAME.insertion_mm and NAME.rotation_rad, measured from the start. Others are lao_deg,
+/// are NAME.insertion_mm and NAME.rotation_rad, measured from the start, and NAME.device. A device
+/// stays until a row names another one; an empty cell names none. Others are lao_deg,
 /// cra_deg, xray and contrast (0 or 1), and the table's table_left_mm, table_head_mm,
 /// table_height_mm. Errors are UserError naming file, line, value and remedy.
 class ScriptColumns {
@@ -22,7 +35,7 @@ class ScriptColumns {
   ScriptColumns(const CsvTable& table, std::string scene, std::vector<InstrumentInfo> instruments);
 
   /// Reads the next row, which must be later than the row before.
-  Command Read(const CsvRow& row);
+  ScriptRow Read(const CsvRow& row);
 
  private:
   struct Column {
@@ -34,17 +47,26 @@ class ScriptColumns {
     void (*take)(std::size_t instrument, double value, Command& command);
   };
 
+  // Column of device names of an instrument.
+  struct DeviceColumn {
+    std::size_t index;
+    std::size_t instrument;
+    std::string device;  // newest one; "" before the first
+  };
+
   void TakeColumn(std::size_t index);
+  void ReadDevices(const CsvRow& row, ScriptRow& out);
 
   const CsvTable& table_;
   const std::string scene_;
   const std::vector<InstrumentInfo> instruments_;
   std::vector<Column> columns_;
+  std::vector<DeviceColumn> device_columns_;
   std::optional<double> before_s_;
 };
 
 /// Reads all rows of a script file. Throws UserError as ScriptColumns.
-std::vector<Command> ReadScript(const std::string& script, const std::string& scene,
-                                const std::vector<InstrumentInfo>& instruments);
+std::vector<ScriptRow> ReadScript(const std::string& script, const std::string& scene,
+                                  const std::vector<InstrumentInfo>& instruments);
 
 }  // namespace torquer

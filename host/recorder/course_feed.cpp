@@ -5,7 +5,7 @@
 namespace torquer {
 
 void CourseFeed::AddState(std::int64_t now_us) {
-  simulation_.Describe(state_);
+  simulation_.now().Describe(state_);
   state_.clock_id = clock_id_;
   state_.publish_us = now_us;
   course_.Add(state_);
@@ -13,7 +13,7 @@ void CourseFeed::AddState(std::int64_t now_us) {
   readings_.values.clear();
   readings_.tick = state_.tick;
   readings_.time_s = state_.time_s;
-  for (effects::Reading& reading : simulation_.Readings()) {
+  for (effects::Reading& reading : simulation_.now().Readings()) {
     readings_.names.push_back(std::move(reading.name));
     readings_.values.push_back(reading.value);
   }

@@ -7,7 +7,7 @@
 #include <torquer_lcm/wire_state_t.hpp>
 
 #include "host/recorder/session_course.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 
 namespace torquer {
 
@@ -15,7 +15,7 @@ namespace torquer {
 class CourseFeed {
  public:
   /// `clock_id`: of the times below. `simulation` must outlive this.
-  CourseFeed(const simulator::Simulation& simulation, std::int64_t clock_id)
+  CourseFeed(const simulator::ExchangeableSimulation& simulation, std::int64_t clock_id)
       : simulation_(simulation), clock_id_(clock_id) {}
 
   /// Adds the present state and its readings.
@@ -28,7 +28,7 @@ class CourseFeed {
   const torquer_lcm::readings_t& readings() const { return readings_; }  ///< the newest
 
  private:
-  const simulator::Simulation& simulation_;
+  const simulator::ExchangeableSimulation& simulation_;
   const std::int64_t clock_id_;
   torquer_lcm::wire_state_t state_{};
   torquer_lcm::readings_t readings_{};

@@ -10,7 +10,7 @@
 #include "host/api/script_ticks.h"
 #include "host/recorder/course_feed.h"
 #include "host/recorder/session_judge.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 
 namespace torquer {
 
@@ -21,13 +21,17 @@ std::string ExpertPath(const std::string& scene_file) {
 
 ExpertRun RunExpert(scene::Scene& scene, const std::string& path) {
   constexpr std::int64_t kClock = 1;
-  const std::vector<Command> rows = ReadScript(path, scene.spec().path, InstrumentsOf(scene));
-  simulator::Simulation simulation(scene);
+  const std::vector<ScriptRow> rows = ReadScript(path, scene.spec().path, InstrumentsOf(scene));
+  simulator::ExchangeableSimulation simulation(scene);
   CourseFeed feed(simulation, kClock);
-  RowRun run(simulation);
+  RowRun run(simulation.now());
   feed.AddState(0);
   Command before = run.command();
-  for (const Command& row : rows) {
+  for (const auto& [place, exchanges, row] : rows) {
+    for (const ScriptRow::Exchange& exchange : exchanges) {
+      simulation.Exchange(static_cast<int>(exchange.instrument), exchange.device);
+      run.ContinueIn(simulation.now());
+    }
     ScriptTicks parts(before, row, 1e-6 * kJudgeRowUs);
     for (Command part; parts.Next(part);) {
       const std::int64_t now_us = std::llround(1e6 * part.time_s);

@@ -277,6 +277,11 @@ std::vector<PageRow> PageFigures::Motion() const {
     rows.push_back({"Reversals, " + SafeText(instrument.name),
                     TimesText(static_cast<double>(instrument.reversals))});
   }
+  int number = 0;
+  for (const ReportExchange& exchange : report_.exchanges) {
+    rows.push_back({fmt::format("Exchange {}, at {}", ++number, SecondsText(exchange.time_s)),
+                    SafeText(exchange.instrument) + " for " + SafeText(exchange.device)});
+  }
   if (const auto submovements = Reading("submovements")) {
     rows.push_back({"Separate movements of the hand", TimesText(*submovements)});
   }

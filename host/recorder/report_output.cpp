@@ -183,6 +183,16 @@ nlohmann::ordered_json InjectionsJson(const SessionCourse& course) {
   return all;
 }
 
+nlohmann::ordered_json ExchangesJson(const SessionReport& report) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const ReportExchange& exchange : report.exchanges) {
+    all.push_back({{"time_s", exchange.time_s},
+                   {"instrument", Printable(exchange.instrument)},
+                   {"device", Printable(exchange.device)}});
+  }
+  return all;
+}
+
 // Adds all figures of a single wire, but only the decisive ones for each of several instruments.
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
   const std::string apart = CountsText(report.axial.error_counts);
@@ -228,6 +238,10 @@ std::string FormatReport(const SessionReport& report) {
                         ReadingText(name, report.readings.values[i]), ExpertText(report, name));
   }
   text += FormatPhases(Summarize(report));
+  for (const ReportExchange& exchange : report.exchanges) {
+    text += fmt::format("  exchange     {} for {}, at {}\n", Printable(exchange.instrument),
+                        Printable(exchange.device), SecondsText(exchange.time_s));
+  }
   if (report.judged) {
     text += "               from a replay of the commands at full accuracy\n";
   }
@@ -302,6 +316,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"log_damage", report.damage.Describe()},
                                        {"readings", ReadingsJson(report.readings)},
                                        {"injections", InjectionsJson(report.course)},
+                                       {"exchanges", ExchangesJson(report)},
                                        {"phases", PhasesJson(summary)},
                                        {"blind_s", OrNull(summary.blind_s)},
                                        {"blind_mm", OrNull(summary.blind_mm)},

@@ -13,9 +13,10 @@
 #include "host/recorder/course_feed.h"
 #include "host/recorder/log_gaps.h"
 #include "host/recorder/session_log.h"
+#include "host/simulator/exchangeable_simulation.h"
 #include "host/simulator/live_commands.h"
-#include "host/simulator/simulation.h"
 #include "host/support/angle.h"
+#include "host/support/error.h"
 #include "host/support/fnv1a.h"
 
 namespace torquer {
@@ -38,6 +39,7 @@ class SessionFrame {
     handlers.scene = [this](const auto& message) { Add(message); };
     handlers.state = [this](const auto& message) { Add(message); };
     handlers.command = [this](const auto& message) { Add(message); };
+    handlers.devices = [this](const auto& message) { Add(message); };
     handlers.sample = [this](const auto& message) { gaps_.Add(message); };
     handlers.health = [this](const auto& message) { Add(message); };
     const SessionLogSummary summary = ReadSessionLog(path, handlers);
@@ -53,6 +55,8 @@ class SessionFrame {
   // Start of the simulated time, rounded to the grid of the rows. A state is never published
   // exactly on time, and a few us must have no effect.
   std::int64_t start_us() const { return std::llround(start_us_) / kJudgeRowUs * kJudgeRowUs; }
+  // Exchanges of instruments, which the simulator executed.
+  const std::vector<simulator::DeviceExchange>& exchanges() const { return exchanges_; }
   // Time of the newest message of the simulator.
   std::int64_t end_us() const { return end_us_; }
 
@@ -68,6 +72,16 @@ class SessionFrame {
         fmt::format("it was recorded with other contents of the scene file ({}, now {}); give "
                     "that file by --scene",
                     scene.content_hash, content_hash_));
+  }
+
+  // Each message has all exchanges since the start.
+  void Add(const torquer_lcm::devices_t& devices) {
+    try {
+      auto all = simulator::ReadExchanges(devices);
+      if (all.size() > exchanges_.size()) exchanges_ = std::move(all);
+    } catch (const UserError& error) {
+      Refuse(error.what());
+    }
   }
 
   void Add(const torquer_lcm::wire_state_t& state) {
@@ -137,6 +151,7 @@ class SessionFrame {
   std::map<std::string, std::int64_t> first_sequence_;  // by instrument
   std::optional<std::int64_t> command_clock_id_;
   bool foreign_clock_ = false;
+  std::vector<simulator::DeviceExchange> exchanges_;
   bool described_ = false;
   bool any_state_ = false;
   std::int64_t clock_id_ = 0;
@@ -165,10 +180,11 @@ Command ToRow(const simulator::Command& live, double time_s) {
 // Second reading: the commands in rows that end at multiples of kJudgeRowUs by the log's clock.
 class Repetition {
  public:
-  Repetition(simulator::Simulation& simulation, const SessionFrame& frame)
+  Repetition(simulator::ExchangeableSimulation& simulation, const SessionFrame& frame)
       : frame_(frame),
-        commands_(simulation),
-        run_(simulation),
+        simulation_(simulation),
+        commands_(simulation.scene_at_start()),
+        run_(simulation.now()),
         row_(frame.start_us() / kJudgeRowUs),
         feed_(simulation, frame.clock_id()) {
     feed_.AddState(frame.start_us());
@@ -186,6 +202,7 @@ class Repetition {
     handlers.injector = [this](const torquer_lcm::injector_command_t& message) { Take(message); };
     ReadSessionLog(path, handlers);
     RunTo(std::max(row_ + 1, frame_.end_us() / kJudgeRowUs));
+    if (!problem_.empty()) return {.not_gradable = problem_, .course = {}};
     return {.not_gradable = "", .readings = feed_.readings(), .course = feed_.course()};
   }
 
@@ -218,10 +235,27 @@ class Repetition {
       commands_.Settle();
       row_ = next;
       feed_.AddState(end_us);
+      Exchange(1e-6 * static_cast<double>(end_us - frame_.start_us()));
+    }
+  }
+
+  // Repeats the exchanges up to a simulated time, at the end of the row.
+  void Exchange(double time_s) {
+    const std::vector<simulator::DeviceExchange>& all = frame_.exchanges();
+    for (; exchanged_ < all.size() && all[exchanged_].time_s <= time_s; ++exchanged_) {
+      try {
+        simulation_.Repeat(all[exchanged_]);
+      } catch (const UserError& error) {
+        if (problem_.empty()) problem_ = error.what();
+      }
+      run_.ContinueIn(simulation_.now());
     }
   }
 
   const SessionFrame& frame_;
+  simulator::ExchangeableSimulation& simulation_;
+  std::size_t exchanged_ = 0;  // exchanges that were repeated
+  std::string problem_;        // reason why one could not be repeated
   simulator::LiveCommands commands_;
   RowRun run_;
   std::int64_t row_;  // number of the newest row
@@ -232,8 +266,8 @@ class Repetition {
 }  // namespace
 
 SessionJudgment JudgeSession(scene::Scene& scene, const std::string& path) {
-  simulator::Simulation simulation(scene);
-  if (simulation.Readings().empty()) return {};
+  simulator::ExchangeableSimulation simulation(scene);
+  if (simulation.now().Readings().empty()) return {};
   SessionFrame frame(Hex(scene.content_hash()));
   frame.Read(path);
   if (!frame.reason().empty()) return {.not_gradable = frame.reason(), .course = {}};

@@ -53,6 +53,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   Register(by_channel, protocol::kInjectorCommandChannel, handlers.injector);
   Register(by_channel, protocol::kWireStateChannel, handlers.state);
   Register(by_channel, protocol::kSceneChannel, handlers.scene);
+  Register(by_channel, protocol::kDevicesChannel, handlers.devices);
   Register(by_channel, protocol::kReadingsChannel, handlers.readings);
   Register(by_channel, protocol::kHealthChannel, handlers.health);
   Register(by_channel, protocol::kEmulatorTruthChannel, handlers.truth);

@@ -8,6 +8,7 @@
 
 #include "host/support/event_log.h"
 #include "torquer_lcm/device_sample_t.hpp"
+#include "torquer_lcm/devices_t.hpp"
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/imaging_command_t.hpp"
@@ -31,6 +32,7 @@ struct SessionHandlers {
   std::function<void(const torquer_lcm::injector_command_t&)> injector;
   std::function<void(const torquer_lcm::wire_state_t&)> state;
   std::function<void(const torquer_lcm::scene_description_t&)> scene;
+  std::function<void(const torquer_lcm::devices_t&)> devices;
   std::function<void(const torquer_lcm::readings_t&)> readings;
   std::function<void(const torquer_lcm::health_t&)> health;
   std::function<void(const torquer_lcm::hand_motion_t&)> truth;  ///< of the emulator

@@ -106,6 +106,7 @@ SessionHandlers SessionReporter::Handlers() {
     gaps_.AddScene();
   };
   handlers.readings = [this](const torquer_lcm::readings_t& message) { Add(message); };
+  handlers.devices = [this](const torquer_lcm::devices_t& message) { Add(message); };
   handlers.health = [this](const torquer_lcm::health_t& message) { Add(message); };
   handlers.truth = [this](const torquer_lcm::hand_motion_t& message) { Add(message); };
   return handlers;
@@ -213,6 +214,19 @@ void SessionReporter::TakeShape(const torquer_lcm::wire_state_t& state) {
       channel.begin = channel.shown;
       channel.begin_wire = PositionOf(state, k);
     }
+  }
+}
+
+// Each message has all exchanges since the start.
+void SessionReporter::Add(const torquer_lcm::devices_t& devices) {
+  if (devices.exchange_device.size() < exchanges_.size()) return;
+  exchanges_.clear();
+  for (std::size_t k = 0; k < devices.exchange_device.size(); ++k) {
+    const auto instrument = static_cast<std::size_t>(devices.exchange_instrument[k]);
+    const bool named = instrument < devices.instruments.size();
+    exchanges_.push_back({devices.exchange_time_s[k],
+                          named ? devices.instruments[instrument] : std::string("?"),
+                          devices.exchange_device[k]});
   }
 }
 
@@ -376,6 +390,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   report.ticks_after_shape =
       std::max<std::int64_t>(Difference(last_state_->tick, last_shape_->tick), 0);
   report.readings = readings_;
+  report.exchanges = exchanges_;
   report.course = course_;
   report.solver = course_.solver();
   report.gaps = gaps_.Describe();

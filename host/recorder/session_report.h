@@ -74,6 +74,13 @@ struct ExpertRun {
   SessionCourse course;
 };
 
+/// Exchange of an instrument for another device.
+struct ReportExchange {
+  double time_s = 0;  ///< simulated
+  std::string instrument;
+  std::string device;
+};
+
 /// Report that torquer-report prints.
 struct SessionReport {
   std::string scene;
@@ -105,6 +112,8 @@ struct SessionReport {
   std::int64_t ticks_after_shape = 0;    ///< ticks in the log after `last_state`
   std::int64_t first_tick = 0;  ///< first tick of the log; if not 0, motion is graded from there
   torquer_lcm::readings_t readings{};  ///< last readings; no names without an observer
+
+  std::vector<ReportExchange> exchanges;  ///< of instruments, in their order
 
   SessionCourse course;
   SolverHealth solver;  ///< of the live session
@@ -173,6 +182,7 @@ class SessionReporter {
   void Add(const torquer_lcm::instrument_command_t& command);
   void Add(const torquer_lcm::wire_state_t& state);
   void Add(const torquer_lcm::readings_t& readings);
+  void Add(const torquer_lcm::devices_t& devices);
   void Add(const torquer_lcm::health_t& health);
   void Add(const torquer_lcm::hand_motion_t& truth);
   static bool Held(const Channel& channel, const torquer_lcm::device_sample_t& sample);
@@ -190,6 +200,7 @@ class SessionReporter {
   std::optional<torquer_lcm::wire_state_t> last_state_;
   std::optional<torquer_lcm::wire_state_t> last_shape_;  // last state with a shape
   std::optional<torquer_lcm::scene_description_t> scene_;
+  std::vector<ReportExchange> exchanges_;
   torquer_lcm::readings_t readings_{};
   std::vector<double> solve_us_;
   SessionCourse course_;

@@ -40,14 +40,22 @@ std::string InvalidValues(const torquer_lcm::instrument_command_t& message,
 
 }  // namespace
 
-LiveCommands::LiveCommands(const Simulation& simulation)
-    : simulation_(simulation),
-      start_(simulation.scene().start()),
+LiveCommands::LiveCommands(const scene::Scene& scene)
+    : scene_(scene),
+      start_(scene.start()),
       clock_id_(bus::ClockId()),
-      sources_(simulation.scene().instruments().size()) {
-  command_.target = simulation.target();
+      sources_(scene.instruments().size()) {
+  command_.target = start_;
   const std::int64_t now_us = bus::MonotonicUs();
   for (Source& source : sources_) source.origin_us = now_us;
+}
+
+// Index of an instrument; -1 if there is none of that name.
+int LiveCommands::FindInstrument(const std::string& name) const {
+  const std::vector<effects::Instrument>& all = scene_.instruments();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const auto& one) { return one.name == name; });
+  return found == all.end() ? -1 : static_cast<int>(found - all.begin());
 }
 
 bool LiveCommands::Owns(const Source& source, std::int64_t now_us) const {
@@ -56,17 +64,15 @@ bool LiveCommands::Owns(const Source& source, std::int64_t now_us) const {
 
 void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
                         std::int64_t now_us) {
-  const std::vector<effects::Instrument>& all = simulation_.scene().instruments();
-  const auto found = std::find_if(all.begin(), all.end(),
-                                  [&](const auto& i) { return i.name == message.instrument; });
-  if (found == all.end()) {
+  const int k = FindInstrument(message.instrument);
+  if (k < 0) {
     ++unknown_;
     SayUnknown(message.instrument, sender, now_us);
     return;
   }
-  const int k = static_cast<int>(found - all.begin());
+  const std::string& name = scene_.instruments()[static_cast<std::size_t>(k)].name;
   Source& source = sources_[static_cast<std::size_t>(k)];
-  if (!Accepts(source, found->name, message.sequence, sender, now_us)) return;
+  if (!Accepts(source, name, message.sequence, sender, now_us)) return;
   const InstrumentPose pose{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
   const effects::Controls controls{message.lao_rad,           message.cra_rad,
                                    message.xray != 0,         message.contrast != 0,
@@ -80,12 +86,12 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
     Refuse(source, kValue, now_us,
            fmt::format(
                "a command for the {} from {} is refused, and the previous one remains valid: {}",
-               found->name, bus::Describe(sender), invalid));
+               name, bus::Describe(sender), invalid));
     Combine();
     return;
   }
   if (source.owner && (source.silent || sender != *source.owner)) {
-    Say(fmt::format("the {} receives commands again, from {}", found->name, bus::Describe(sender)));
+    Say(fmt::format("the {} receives commands again, from {}", name, bus::Describe(sender)));
   }
   source.owner = sender;
   source.heard_us = now_us;
@@ -168,7 +174,7 @@ void LiveCommands::Take(const torquer_lcm::wedge_command_t& message, const bus::
 
 void LiveCommands::Take(const torquer_lcm::table_command_t& message, const bus::Sender& sender,
                         std::int64_t now_us) {
-  if (message.instrument != simulation_.scene().instruments().front().name) return;
+  if (message.instrument != scene_.instruments().front().name) return;
   if (!Accepts(table_, "table", message.sequence, sender, now_us)) return;
   table_.sequence = message.sequence;
   const effects::Table wanted{message.left_mm, message.head_mm, message.height_mm};
@@ -206,6 +212,24 @@ void LiveCommands::Take(const torquer_lcm::injector_command_t& message, const bu
   Set(injector_, sender, now_us, wanted, command_.controls.injector);
 }
 
+void LiveCommands::Take(const torquer_lcm::exchange_command_t& message, const bus::Sender& sender,
+                        std::int64_t now_us) {
+  const int k = FindInstrument(message.instrument);
+  if (k < 0) {
+    ++unknown_;
+    SayUnknown(message.instrument, sender, now_us);
+    return;
+  }
+  if (!Accepts(exchanges_, "exchange of instruments", message.sequence, sender, now_us)) return;
+  const bool repeats = exchanges_.owner == sender && message.order == exchange_number_;
+  exchanges_.sequence = message.sequence;
+  exchanges_.owner = sender;
+  exchanges_.heard_us = now_us;
+  exchange_number_ = message.order;
+  ++taken_;
+  if (!repeats) exchange_ = {k, message.device};
+}
+
 // True if the sender may command and the sequence number is in order; else reports the refusal.
 bool LiveCommands::Accepts(Source& source, const std::string& what, std::int64_t sequence,
                            const bus::Sender& sender, std::int64_t now_us) {
@@ -238,7 +262,7 @@ void LiveCommands::Age(std::int64_t now_us) {
     fresh_ = true;
     sent_us_ = 0;
     Say(fmt::format("commands for the {} from {} have stopped; it is held{}",
-                    simulation_.scene().instruments()[k].name, bus::Describe(*source.owner),
+                    scene_.instruments()[k].name, bus::Describe(*source.owner),
                     k == 0 ? ", and the pedals are up" : ""));
   }
 }
@@ -284,12 +308,12 @@ void LiveCommands::SayUnknown(const std::string& instrument, const bus::Sender& 
   }
   if (unknown_named_.size() >= kMostNames || !unknown_named_.insert(instrument).second) return;
   std::string has;
-  for (const effects::Instrument& one : simulation_.scene().instruments()) {
+  for (const effects::Instrument& one : scene_.instruments()) {
     has += (has.empty() ? "" : ", ") + one.name;
   }
   Say(fmt::format(
       "commands for '{}' from {} have no effect: the scene {} has no such instrument; it has {}",
-      Printable(instrument, 40), bus::Describe(sender), simulation_.scene().name(), has));
+      Printable(instrument, 40), bus::Describe(sender), scene_.name(), has));
 }
 
 void LiveCommands::Say(const std::string& what) { news_ += news_.empty() ? what : "; " + what; }
@@ -298,7 +322,7 @@ std::string LiveCommands::State() const {
   std::string missing;
   for (std::size_t k = 0; k < sources_.size(); ++k) {
     if (!sources_[k].silent) continue;
-    missing += (missing.empty() ? "" : ", ") + simulation_.scene().instruments()[k].name;
+    missing += (missing.empty() ? "" : ", ") + scene_.instruments()[k].name;
   }
   return missing.empty() ? "running" : "no commands for " + missing;
 }

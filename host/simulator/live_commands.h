@@ -5,12 +5,14 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <torquer_lcm/exchange_command_t.hpp>
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/injector_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/table_command_t.hpp>
 #include <torquer_lcm/wedge_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
+#include <utility>
 #include <vector>
 
 #include "host/bus/health_reporter.h"
@@ -19,16 +21,22 @@
 
 namespace torquer::simulator {
 
+/// Order to exchange an instrument.
+struct ExchangeOrder {
+  int instrument = 0;
+  std::string device;
+};
+
 /// Takes instrument commands; the newest one of each instrument is valid. The box of the innermost
 /// instrument sets C-arm, pedals and table. The newest settings of the X-ray system stay valid when
 /// their sender is silent. So does the newest position of the table. The power injector is disarmed
 /// then, and stops.
 ///
-/// Each instrument, the X-ray system, its wedges, the table and the power injector have one sender
-/// of commands. Ownership ends when no usable command of this sender has come for kOwnedUs. Until
-/// then commands of other senders and decreasing numbers are refused. Afterwards any sender and any
-/// number from 0 on is accepted. The class has no clock: the caller passes the time by
-/// bus::MonotonicUs().
+/// Each instrument, the X-ray system, its wedges, the table, the power injector and the exchanges
+/// have one sender of commands. Ownership ends when no usable command of this sender has come for
+/// kOwnedUs. Until then commands of other senders and decreasing numbers are refused. Afterwards
+/// any sender and any number from 0 on is accepted. The class has no clock: the caller passes the
+/// time by bus::MonotonicUs().
 class LiveCommands {
  public:
   /// After this time without a command the instrument is held at its last target. Its pedals are
@@ -36,8 +44,9 @@ class LiveCommands {
   static constexpr std::int64_t kSilentUs = 300'000;
   static constexpr std::int64_t kOwnedUs = 1'000'000;
 
-  /// `simulation` must outlive this.
-  explicit LiveCommands(const Simulation& simulation);
+  /// `scene` is simulated from its start, and must outlive this. An exchange of instruments does
+  /// not change their names and starts.
+  explicit LiveCommands(const scene::Scene& scene);
 
   void Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
@@ -49,6 +58,8 @@ class LiveCommands {
             std::int64_t now_us);
   void Take(const torquer_lcm::injector_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
+  void Take(const torquer_lcm::exchange_command_t& message, const bus::Sender& sender,
+            std::int64_t now_us);
   /// Detects senders that have become silent. Call it several times in kSilentUs.
   void Age(std::int64_t now_us);
 
@@ -58,6 +69,8 @@ class LiveCommands {
   bool fresh() const { return fresh_; }
   /// Marks the commands as contained in a state.
   void Settle() { fresh_ = false; }
+  /// Newest order to exchange an instrument, since the last call.
+  std::optional<ExchangeOrder> TakeExchange() { return std::exchange(exchange_, std::nullopt); }
   /// Publication time of the newest command; 0 if unknown or by another machine's clock.
   std::int64_t sent_us() const { return sent_us_; }
   /// Fills sequence and origin of each instrument.
@@ -96,7 +109,9 @@ class LiveCommands {
   void Say(const std::string& what);
   void Combine();
 
-  const Simulation& simulation_;
+  int FindInstrument(const std::string& name) const;
+
+  const scene::Scene& scene_;
   const InstrumentPoses start_;
   const std::int64_t clock_id_;
   Command command_;
@@ -105,6 +120,9 @@ class LiveCommands {
   Source wedges_;
   Source table_;
   Source injector_;
+  Source exchanges_;
+  std::optional<ExchangeOrder> exchange_;
+  std::int64_t exchange_number_ = -1;  // of the newest order
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;
   std::set<std::string> unknown_named_;  // instruments reported in this minute

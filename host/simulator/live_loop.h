@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "host/bus/bus.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 #include "host/support/time_histogram.h"
 
 namespace torquer::simulator {
@@ -22,7 +22,8 @@ struct LiveStatistics {
 /// Runs until `stop`. Each command makes a tick; the newest command of each instrument is valid.
 /// While the wire is not at rest or the scene evolves, there is a tick every millisecond. Publishes
 /// every state, and repeats the last one five times a second at rest. Also publishes the scene once
-/// a second, and health.
-LiveStatistics RunLive(Simulation& simulation, bus::Bus& bus, const std::atomic<bool>& stop);
+/// a second, the instruments' devices, and health. Executes orders to exchange instruments.
+LiveStatistics RunLive(ExchangeableSimulation& simulation, bus::Bus& bus,
+                       const std::atomic<bool>& stop);
 
 }  // namespace torquer::simulator

@@ -8,8 +8,8 @@
 
 namespace torquer::simulator {
 
-LiveReadings::LiveReadings(const Simulation& simulation, bus::Bus& bus)
-    : simulation_(simulation), bus_(bus), any_(!simulation.Readings().empty()) {}
+LiveReadings::LiveReadings(const ExchangeableSimulation& simulation, bus::Bus& bus)
+    : simulation_(simulation), bus_(bus), any_(!simulation.now().Readings().empty()) {}
 
 void LiveReadings::PublishWhenDue(std::int64_t now_us) {
   if (any_ && now_us - published_us_ >= kReadingsEveryUs) Publish();
@@ -18,9 +18,9 @@ void LiveReadings::PublishWhenDue(std::int64_t now_us) {
 void LiveReadings::Publish() {
   if (!any_) return;
   torquer_lcm::readings_t message{};
-  message.tick = simulation_.tick();
-  message.time_s = simulation_.time_s();
-  for (effects::Reading& reading : simulation_.Readings()) {
+  message.tick = simulation_.now().tick();
+  message.time_s = simulation_.now().time_s();
+  for (effects::Reading& reading : simulation_.now().Readings()) {
     message.names.push_back(std::move(reading.name));
     message.values.push_back(reading.value);
   }

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "host/bus/bus.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 
 namespace torquer::simulator {
 
@@ -15,7 +15,7 @@ inline constexpr std::int64_t kReadingsEveryUs = 100'000;
 class LiveReadings {
  public:
   /// Both arguments must outlive this.
-  LiveReadings(const Simulation& simulation, bus::Bus& bus);
+  LiveReadings(const ExchangeableSimulation& simulation, bus::Bus& bus);
 
   /// Publishes if the last message is at least kReadingsEveryUs old. `now_us`: by
   /// bus::MonotonicUs().
@@ -24,7 +24,7 @@ class LiveReadings {
   void Publish();
 
  private:
-  const Simulation& simulation_;
+  const ExchangeableSimulation& simulation_;
   bus::Bus& bus_;
   const bool any_;
   std::int64_t published_us_ = 0;

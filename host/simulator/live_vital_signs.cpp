@@ -41,9 +41,9 @@ void DescribeVitalSigns(const Simulation& simulation, torquer_lcm::vital_signs_t
 }
 
 void LiveVitalSigns::PublishWhenDue(std::int64_t now_us) {
-  if (simulation_.vitals() == nullptr) return;
+  if (simulation_.now().vitals() == nullptr) return;
   if (now_us - message_.publish_us < kVitalSignsEveryUs) return;
-  DescribeVitalSigns(simulation_, message_);
+  DescribeVitalSigns(simulation_.now(), message_);
   message_.publish_us = bus::MonotonicUs();
   bus_.Publish(protocol::kVitalSignsChannel, message_);
 }

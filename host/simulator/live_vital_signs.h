@@ -5,7 +5,7 @@
 #include <torquer_lcm/vital_signs_t.hpp>
 
 #include "host/bus/bus.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 
 namespace torquer::simulator {
 
@@ -20,7 +20,7 @@ void DescribeVitalSigns(const Simulation& simulation, torquer_lcm::vital_signs_t
 class LiveVitalSigns {
  public:
   /// Both arguments must outlive this.
-  LiveVitalSigns(const Simulation& simulation, bus::Bus& bus)
+  LiveVitalSigns(const ExchangeableSimulation& simulation, bus::Bus& bus)
       : simulation_(simulation), bus_(bus) {}
 
   /// Publishes if the last message is at least kVitalSignsEveryUs old. `now_us`: by
@@ -28,7 +28,7 @@ class LiveVitalSigns {
   void PublishWhenDue(std::int64_t now_us);
 
  private:
-  const Simulation& simulation_;
+  const ExchangeableSimulation& simulation_;
   bus::Bus& bus_;
   torquer_lcm::vital_signs_t message_{};
 };

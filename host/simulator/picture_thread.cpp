@@ -12,7 +12,7 @@
 namespace torquer::simulator {
 
 PictureThread::PictureThread(effects::ImageSource& source, bus::Bus& bus, const char* channel)
-    : source_(source), bus_(bus), channel_(channel), thread_([this] { RunUntilProblem(); }) {}
+    : source_(&source), bus_(bus), channel_(channel), thread_([this] { RunUntilProblem(); }) {}
 
 PictureThread::~PictureThread() {
   {
@@ -31,6 +31,21 @@ void PictureThread::Offer() {
   wake_.notify_one();
 }
 
+void PictureThread::Pause() {
+  std::unique_lock lock(mutex_);
+  pauses_ = true;
+  idle_.wait(lock, [this] { return !renders_; });
+}
+
+void PictureThread::Continue(effects::ImageSource& source) {
+  {
+    const std::lock_guard lock(mutex_);
+    source_ = &source;
+    pauses_ = false;
+  }
+  wake_.notify_one();
+}
+
 void PictureThread::RunUntilProblem() {
   LeaveRealtime();  // a picture takes longer than a tick
   try {
@@ -39,6 +54,22 @@ void PictureThread::RunUntilProblem() {
     PrintError("torquer-simulator: no more X-ray pictures ({}); the session goes on\n",
                error.what());
   }
+}
+
+// Ends the rendering also if it throws, so that Pause does not wait for ever.
+bool PictureThread::Render(effects::ImageSource::Picture& picture) {
+  struct End {
+    PictureThread& of;
+    ~End() {
+      {
+        const std::lock_guard lock(of.mutex_);
+        of.renders_ = false;
+      }
+      of.idle_.notify_one();
+    }
+  };
+  const End end{*this};
+  return source_->Render(picture);
 }
 
 void PictureThread::Run() {
@@ -52,15 +83,16 @@ void PictureThread::Run() {
     bool fresh = false;
     {
       std::unique_lock lock(mutex_);
-      wake_.wait_for(lock, kRepeat, [this] { return offered_ || stop_; });
+      wake_.wait_for(lock, kRepeat, [this] { return (offered_ && !pauses_) || stop_; });
       if (stop_) return;
-      fresh = offered_;
-      offered_ = false;
+      fresh = offered_ && !pauses_;
+      if (fresh) offered_ = false;
+      renders_ = fresh;
     }
     if (fresh) {
       const std::int64_t began_us = bus::MonotonicUs();
       // A frame that was rendered before its offer arrived is not published twice.
-      if (!source_.Render(picture)) continue;
+      if (!Render(picture)) continue;
       message.number = rendered_++;
       message.time_s = picture.time_s;
       message.lao_rad = picture.controls.lao_rad;

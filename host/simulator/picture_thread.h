@@ -29,6 +29,11 @@ class PictureThread {
   /// a picture.
   void Offer();
 
+  /// Waits for a picture that is being rendered. The next one waits until Continue.
+  void Pause();
+  /// Goes on after Pause, with `source`, which must outlive this.
+  void Continue(effects::ImageSource& source);
+
   std::int64_t rendered() const { return rendered_; }
   /// Time to render and compress the last picture; 0 before the first one.
   std::int64_t last_us() const { return last_us_; }
@@ -36,13 +41,17 @@ class PictureThread {
  private:
   void RunUntilProblem();
   void Run();
+  bool Render(effects::ImageSource::Picture& picture);
 
-  effects::ImageSource& source_;
+  effects::ImageSource* source_;
   bus::Bus& bus_;
   const char* const channel_;
   std::mutex mutex_;
   std::condition_variable wake_;
+  std::condition_variable idle_;
   bool offered_ = false;
+  bool renders_ = false;
+  bool pauses_ = false;
   bool stop_ = false;
   std::atomic<std::int64_t> rendered_ = 0;
   std::atomic<std::int64_t> last_us_ = 0;

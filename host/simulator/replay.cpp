@@ -3,14 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <torquer_lcm/devices_t.hpp>
 #include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
+#include <utility>
 #include <vector>
 
 #include "host/bus/message_check.h"
 #include "host/bus/state_outline.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
 #include "protocol/lcm_channels.h"
@@ -36,6 +38,13 @@ class Repeater {
         fmt::format("{}: was recorded with other contents of the scene {} than {} has ({}, now "
                     "{}); give the scene file of the recording",
                     log_, recorded.scene_file, scene_.path(), recorded.content_hash, hash));
+  }
+
+  // The simulator describes an exchange before the tick that follows it. Each message has all of
+  // them.
+  void Add(const torquer_lcm::devices_t& recorded) {
+    std::vector<DeviceExchange> all = ReadExchanges(recorded);
+    if (all.size() > exchanges_.size()) exchanges_ = std::move(all);
   }
 
   void Add(const torquer_lcm::wire_state_t& recorded) {
@@ -125,7 +134,7 @@ class Repeater {
   // recorder omitted are omitted here too.
   bool IsWhereItWas(const torquer_lcm::wire_state_t& recorded) {
     expected_ = recorded;
-    simulation_.Describe(expected_);
+    simulation_.now().Describe(expected_);
     expected_.status = (expected_.status & kRepeatedStatus) | (recorded.status & ~kRepeatedStatus);
     if (bus::IsOutline(recorded)) bus::ReduceToOutline(expected_);
     if (recorded.past_count == 0) bus::DropPast(expected_);
@@ -156,17 +165,23 @@ class Repeater {
   }
 
   void Repeat(double time_s, const InstrumentPoses& target, int work) {
+    for (; repeated_ < exchanges_.size() && exchanges_[repeated_].tick < expected_tick_;
+         ++repeated_) {
+      simulation_.Repeat(exchanges_[repeated_]);
+    }
     Command command;
     command.time_s = time_s;
     command.target = target;
     CountedBudget budget(work);
-    simulation_.Tick(command, budget);
+    simulation_.now().Tick(command, budget);
   }
 
   scene::Scene& scene_;
   const std::string log_;
-  Simulation simulation_;
+  ExchangeableSimulation simulation_;
   ReplayResult result_;
+  std::vector<DeviceExchange> exchanges_;
+  std::size_t repeated_ = 0;  // exchanges
   std::int64_t expected_tick_ = 0;
   bool differs_ = false;  // the newest state differs
   std::vector<torquer_lcm::wire_state_t> waiting_;
@@ -178,6 +193,7 @@ class Repeater {
 void Read(EventLogReader& log, Repeater& repeater,
           const std::function<bool(const ReplayResult&)>& go_on) {
   torquer_lcm::scene_description_t description;
+  torquer_lcm::devices_t devices;
   torquer_lcm::wire_state_t state;
   torquer_lcm::health_t health;
   for (LogRecord record; log.Next(record);) {
@@ -188,6 +204,8 @@ void Read(EventLogReader& log, Repeater& repeater,
     };
     if (record.channel == protocol::kSceneChannel) {
       if (decode(description)) repeater.Check(description);
+    } else if (record.channel == protocol::kDevicesChannel) {
+      if (decode(devices)) repeater.Add(devices);
     } else if (record.channel == protocol::kWireStateChannel) {
       if (decode(state)) repeater.Add(state);
     } else if (record.channel == protocol::kHealthChannel) {

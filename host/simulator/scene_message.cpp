@@ -13,12 +13,13 @@ void Copy(const Eigen::Vector3d& from, double (&to)[3]) {
 
 }  // namespace
 
-torquer_lcm::scene_description_t Describe(const scene::Scene& scene) {
+torquer_lcm::scene_description_t Describe(const Simulation& simulation) {
+  const scene::Scene& scene = simulation.scene();
   torquer_lcm::scene_description_t out;
   out.lcm_version = protocol::kLcmVersion;
   out.name = scene.name();
   out.scene_file = scene.path();
-  out.content_hash = Hex(scene.content_hash());
+  out.content_hash = Hex(simulation.content_hash_at_start());
   out.vessel = scene.vessel().description;
   out.method = scene.method() == scene::Method::kPaper ? "paper" : "newton";
   out.effects = scene.effect_names();

@@ -3,10 +3,11 @@
 
 #include <torquer_lcm/scene_description_t.hpp>
 
-#include "host/simulator/scene/scene.h"
+#include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 
-torquer_lcm::scene_description_t Describe(const scene::Scene& scene);
+/// Describes the scene with its present devices. The hash is that of the scene at the start.
+torquer_lcm::scene_description_t Describe(const Simulation& simulation);
 
 }  // namespace torquer::simulator

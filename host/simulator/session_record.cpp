@@ -28,6 +28,13 @@ std::string FormatRecord(const Simulation& simulation, bool examination) {
     instruments[scene.instruments()[k].name] = {{"insertion_mm", pose.insertion_mm},
                                                 {"rotation_rad", pose.rotation_rad}};
   }
+  nlohmann::ordered_json exchanges = nlohmann::ordered_json::array();
+  for (const DeviceExchange& exchange : simulation.exchanges()) {
+    const auto k = static_cast<std::size_t>(exchange.instrument);
+    exchanges.push_back({{"time_s", exchange.time_s},
+                         {"instrument", scene.instruments()[k].name},
+                         {"device", exchange.device}});
+  }
   nlohmann::ordered_json readings = nlohmann::ordered_json::object();
   for (const effects::Reading& reading : simulation.Readings()) {
     readings[reading.name] = reading.value;
@@ -37,12 +44,13 @@ std::string FormatRecord(const Simulation& simulation, bool examination) {
       {"examination", examination},
       {"scene", scene.name()},
       {"scene_file", scene.path()},
-      {"content_hash", Hex(scene.content_hash())},
+      {"content_hash", Hex(simulation.content_hash_at_start())},
       {"method", scene.method() == scene::Method::kPaper ? "paper" : "newton"},
       {"effects", scene.effect_names()},
       {"ticks", simulation.tick()},
       {"simulated_s", simulation.time_s()},
       {"instruments", std::move(instruments)},
+      {"exchanges", std::move(exchanges)},
       {"state_hash", Hex(simulation.state_hash())},
       {"readings", std::move(readings)}};
   // The name of a file need not be UTF-8.

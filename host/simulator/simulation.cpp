@@ -45,6 +45,13 @@ void AddPart(TickReport part, TickReport& sum) {
   sum = part;
 }
 
+// Relaxation of a scene whose effects are measured; null: no measurement.
+std::unique_ptr<Relaxation> Watched(scene::Scene& scene, EffectPrices* prices) {
+  return scene.MakeRelaxation([prices](std::size_t effect, EnergyTerm* term) {
+    return prices == nullptr ? term : prices->Watch(effect, term);
+  });
+}
+
 bool IsValid(const InstrumentPoses& target) {
   return std::all_of(target.begin(), target.end(),
                      [](const InstrumentPose& pose) { return simulator::IsValid(pose); });
@@ -54,9 +61,7 @@ bool IsValid(const InstrumentPoses& target) {
 
 Simulation::Simulation(scene::Scene& scene, EffectPrices* prices)
     : scene_(scene),
-      relaxation_(scene.MakeRelaxation([prices](std::size_t effect, EnergyTerm* term) {
-        return prices == nullptr ? term : prices->Watch(effect, term);
-      })),
+      relaxation_(Watched(scene, prices)),
       prices_(prices),
       state_(scene.stack().empty_rod(), scene.stack().size()) {
   FindRoles();
@@ -69,6 +74,18 @@ Simulation::Simulation(scene::Scene& scene, const Simulation& twin)
       state_(scene.stack().empty_rod(), scene.stack().size()) {
   FindRoles();
   CopyFrom(twin);
+}
+
+Simulation::Simulation(scene::Scene& scene, const Simulation& before, int instrument)
+    : scene_(scene),
+      relaxation_(Watched(scene, before.prices_)),
+      prices_(before.prices_),
+      state_(scene.stack().empty_rod(), scene.stack().size()) {
+  FindRoles();
+  CopyFrom(before);
+  exchanges_.push_back({tick_, time_s_, instrument,
+                        scene.spec().instruments[static_cast<std::size_t>(instrument)].device,
+                        scene.content_hash()});
 }
 
 void Simulation::FindRoles() {
@@ -102,6 +119,8 @@ void Simulation::Restart() {
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
   if (tracker_ != nullptr) tracker_->Restart();
   if (coarse_ != nullptr) coarse_->Restart();
+  exchanges_.clear();
+  hash_at_start_ = scene_.content_hash();
   bool is_relaxed = false;
   state_ = scene_.MakeStart(*relaxation_, &is_relaxed);
   target_ = scene_.start();
@@ -143,6 +162,8 @@ void Simulation::CopyFrom(const Simulation& twin) {
   hash_ = twin.hash_;
   status_ = twin.status_;
   pictures_due_ = twin.pictures_due_;
+  exchanges_ = twin.exchanges_;
+  hash_at_start_ = twin.hash_at_start_;
 }
 
 void Simulation::CheckExchange(int instrument) const {

@@ -31,6 +31,17 @@ struct Command {
   effects::Controls controls;
 };
 
+/// An instrument became another device.
+struct DeviceExchange {
+  std::int64_t tick = 0;  ///< last tick with the device before
+  double time_s = 0;      ///< simulated time of that tick
+  int instrument = 0;
+  std::string device;              ///< name in host/devices
+  std::uint64_t content_hash = 0;  ///< of the scene since then
+
+  bool operator==(const DeviceExchange&) const = default;
+};
+
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
 class Simulation {
  public:
@@ -40,8 +51,10 @@ class Simulation {
   /// measurement.
   Simulation(scene::Scene& scene, EffectPrices* prices);
   /// Starts in the state of `twin`, which runs another scene of the same spec; see CopyFrom.
-  /// `scene` may have another device as one instrument (Scene::WithDevice), after CheckExchange.
   Simulation(scene::Scene& scene, const Simulation& twin);
+  /// Continues `before` with another device as `instrument`, which `scene` has by
+  /// Scene::WithDevice. Call before.CheckExchange first. Effects are measured as before.
+  Simulation(scene::Scene& scene, const Simulation& before, int instrument);
 
   /// Makes one tick towards `command`. Poses or controls that are not valid are refused: the last
   /// usable ones stay valid, and the status reports it.
@@ -62,6 +75,10 @@ class Simulation {
   /// Throws UserError naming the remedy if another device cannot become this instrument now. It
   /// must be withdrawn, so that no shape, force or memory depends on it.
   void CheckExchange(int instrument) const;
+  /// All exchanges since the start of the scene, in their order.
+  const std::vector<DeviceExchange>& exchanges() const { return exchanges_; }
+  /// Content hash of the scene before any exchange.
+  std::uint64_t content_hash_at_start() const { return hash_at_start_; }
 
   const scene::Scene& scene() const { return scene_; }
   const WireState& state() const { return state_; }
@@ -182,6 +199,8 @@ class Simulation {
   std::int64_t updates_ = 0;
   std::uint64_t hash_ = 0;
   int status_ = 0;
+  std::vector<DeviceExchange> exchanges_;
+  std::uint64_t hash_at_start_ = 0;
 };
 
 /// Maximum number of nodes in one message; longer wires are sent with a stride.

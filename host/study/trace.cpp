@@ -9,7 +9,7 @@
 
 #include "host/api/row_run.h"
 #include "host/api/script_columns.h"
-#include "host/simulator/simulation.h"
+#include "host/simulator/exchangeable_simulation.h"
 #include "host/study/quantile.h"
 
 namespace torquer::study {
@@ -30,22 +30,27 @@ struct Trace {
 
 Trace Run(StudyRun& run, scene::Scene& scene, const std::string& script) {
   const auto rows = ReadScript(script, scene.path(), InstrumentsOf(scene));
-  simulator::Simulation simulation(scene);
-  RowRun motion(simulation);
+  simulator::ExchangeableSimulation simulation(scene);
+  RowRun motion(simulation.now());
   Trace trace;
-  simulation.RecordAttempts(&trace.attempts);
-  const double first_s = rows.empty() ? 0 : rows.front().time_s;
+  simulation.now().RecordAttempts(&trace.attempts);
+  const double first_s = rows.empty() ? 0 : rows.front().command.time_s;
   const auto take_tick = [&](const auto&) {
     TracedTick tick;
-    tick.time_s = first_s + simulation.time_s();
+    tick.time_s = first_s + simulation.now().time_s();
     if (!trace.ticks.empty()) tick.first = trace.ticks.back().first + trace.ticks.back().count;
     tick.count = trace.attempts.size() - tick.first;
-    tick.report = simulation.report();
+    tick.report = simulation.now().report();
     trace.ticks.push_back(tick);
     return true;
   };
   for (std::size_t k = 0; k < rows.size(); ++k) {
-    auto row = rows[k];
+    for (const ScriptRow::Exchange& exchange : rows[k].exchanges) {
+      simulation.Exchange(static_cast<int>(exchange.instrument), exchange.device);
+      simulation.now().RecordAttempts(&trace.attempts);
+      motion.ContinueIn(simulation.now());
+    }
+    torquer::Command row = rows[k].command;
     run.Progress(fmt::format("{:.2f} s", row.time_s),
                  static_cast<double>(k) / static_cast<double>(rows.size()));
     row.time_s -= first_s;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "host/simulator/command_limits.h"
+#include "host/simulator/scene/device_library.h"
 #include "host/simulator/simulation.h"
 #include "host/support/fnv1a.h"
 #include "host/support/printable_text.h"
@@ -40,13 +41,6 @@ class Writer {
  private:
   std::string bytes_;
 };
-
-template <class Value>
-Value ReadAt(std::span<const std::uint8_t> bytes, std::size_t offset) {
-  Value value;
-  std::memcpy(&value, bytes.data() + offset, sizeof value);
-  return value;
-}
 
 std::string Name(const std::string& text) { return Printable(text, kLongestName); }
 
@@ -234,6 +228,7 @@ std::string SceneText(const torquer_lcm::scene_description_t& scene) {
   for (std::size_t k = 0; k < scene.instruments.size(); ++k) {
     instruments.push_back({{"name", Name(scene.instruments[k])},
                            {"radius_mm", scene.radius_mm[k]},
+                           {"hollow", scene.inner_radius_mm[k] > 0},
                            {"max_length_mm", scene.max_length_mm[k]}});
   }
   nlohmann::json effects = nlohmann::json::array();
@@ -284,6 +279,28 @@ std::string ReadingsText(const torquer_lcm::readings_t& readings) {
       .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+std::string DevicesText(const torquer_lcm::devices_t& devices) {
+  nlohmann::json names = nlohmann::json::array();
+  for (const std::string& device : devices.devices) names.push_back(Name(device));
+  return nlohmann::json({{"kind", "devices"},
+                         {"devices", names},
+                         {"exchanges", devices.exchange_count},
+                         {"refusal", Printable(devices.refusal, 300)}})
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string TrayText() {
+  nlohmann::json devices = nlohmann::json::array();
+  for (const std::string& name : scene::DeviceNames()) {
+    const scene::DeviceSpec device = scene::ReadDevice(name);
+    devices.push_back({{"name", name},
+                       {"product", device.product},
+                       {"hollow", device.instrument.inner_radius_mm > 0}});
+  }
+  return nlohmann::json({{"kind", "tray"}, {"devices", devices}})
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 std::string PatientText(const torquer_lcm::vital_signs_t& vitals) {
   const std::size_t count = vitals.ecg.size();
   const std::size_t left_out = count > kMostVitalSamples ? count - kMostVitalSamples : 0;
@@ -313,107 +330,6 @@ std::string PatientText(const torquer_lcm::vital_signs_t& vitals) {
               {"ecg", newest(vitals.ecg)},
               {"pressure_mmHg", newest(vitals.pressure_mmHg)}})
       .dump();
-}
-
-std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
-  constexpr std::uint8_t kKnownFlags = 3;
-  if (bytes.size() != kControlsBytes) return {};
-  if (bytes[0] != static_cast<std::uint8_t>(FrameKind::kControls) || bytes[1] != kFrameVersion ||
-      (bytes[2] & ~kKnownFlags) != 0) {
-    return {};
-  }
-  Controls controls;
-  controls.xray = (bytes[2] & 1) != 0;
-  controls.contrast = (bytes[2] & 2) != 0;
-  controls.instrument = bytes[3];
-  controls.push_mm_s = ReadAt<float>(bytes, 4);
-  controls.turn_rad_s = ReadAt<float>(bytes, 8);
-  controls.lao_rad_s = ReadAt<float>(bytes, 12);
-  controls.cra_rad_s = ReadAt<float>(bytes, 16);
-  // NaN fails each of these comparisons.
-  const bool usable = std::abs(controls.push_mm_s) <= Controls::kMostPushMmS &&
-                      std::abs(controls.turn_rad_s) <= Controls::kMostTurnRadS &&
-                      std::abs(controls.lao_rad_s) <= Controls::kMostArmRadS &&
-                      std::abs(controls.cra_rad_s) <= Controls::kMostArmRadS;
-  if (!usable) return {};
-  return controls;
-}
-
-std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kControlsBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kTable) ||
-      bytes[1] != kFrameVersion) {
-    return {};
-  }
-  const TableMotion motion{ReadAt<float>(bytes, 4), ReadAt<float>(bytes, 8),
-                           ReadAt<float>(bytes, 12)};
-  for (const double rate_mm_s : {motion.left_mm_s, motion.head_mm_s, motion.height_mm_s}) {
-    if (!(std::abs(rate_mm_s) <= TableMotion::kMostMmS)) return {};
-  }
-  return motion;
-}
-
-std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kImagingBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kImaging) ||
-      bytes[1] != kFrameVersion) {
-    return {};
-  }
-  ImagingChoice choice;
-  choice.number = ReadAt<std::uint32_t>(bytes, 16);
-  effects::Imaging& imaging = choice.imaging;
-  imaging.mode = static_cast<effects::Imaging::Mode>(bytes[2]);
-  imaging.pulses_per_s = ReadAt<float>(bytes, 4);
-  imaging.magnification = ReadAt<float>(bytes, 8);
-  imaging.left = 0.01 * bytes[12];
-  imaging.right = 0.01 * bytes[13];
-  imaging.top = 0.01 * bytes[14];
-  imaging.bottom = 0.01 * bytes[15];
-  for (std::size_t k = 0; k < imaging.wedges.size(); ++k) {
-    imaging.wedges[k] = {0.01 * bytes[20 + k],
-                         static_cast<double>(static_cast<std::int8_t>(bytes[22 + k]))};
-  }
-  if (!simulator::IsValid(imaging)) return {};
-  return choice;
-}
-
-std::optional<effects::Injector> ReadInjector(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kInjectorBytes ||
-      bytes[0] != static_cast<std::uint8_t>(FrameKind::kInjector) || bytes[1] != kFrameVersion) {
-    return {};
-  }
-  const effects::Injector injector{static_cast<effects::Injector::Order>(bytes[2]),
-                                   ReadAt<double>(bytes, 8), ReadAt<double>(bytes, 16),
-                                   ReadAt<double>(bytes, 24), ReadAt<double>(bytes, 32)};
-  if (!simulator::InvalidValue(injector).empty()) return {};
-  return injector;
-}
-
-std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kControlsBytes ||
-      bytes[0] != static_cast<std::uint8_t>(FrameKind::kReplayControls) ||
-      bytes[1] != kFrameVersion || bytes[2] > 1) {
-    return {};
-  }
-  ReplayControls controls;
-  controls.play = bytes[2] == 1;
-  controls.speed = ReadAt<float>(bytes, 4);
-  const double at_s = ReadAt<double>(bytes, 8);
-  controls.steps = ReadAt<std::int32_t>(bytes, 16);
-  // 0.1 as a float is slightly larger; NaN fails.
-  const bool usable = controls.speed >= ReplayControls::kLeastSpeed &&
-                      controls.speed <= ReplayControls::kMostSpeed &&
-                      controls.steps >= -ReplayControls::kMostSteps &&
-                      controls.steps <= ReplayControls::kMostSteps;
-  if (!usable || at_s < 0 || std::isinf(at_s)) return {};
-  if (!std::isnan(at_s)) controls.at_s = at_s;
-  return controls;
-}
-
-std::optional<CaseControl> ReadCaseControl(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kControlsBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kCase) ||
-      bytes[1] != kFrameVersion || bytes[2] < 1 || bytes[2] > 4) {
-    return {};
-  }
-  return CaseControl{.action = static_cast<CaseControl::Action>(bytes[2]), .number = bytes[3]};
 }
 
 }  // namespace torquer::viewer

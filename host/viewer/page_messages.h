@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <torquer_lcm/devices_t.hpp>
 #include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
@@ -32,7 +33,8 @@ enum class FrameKind : std::uint8_t {
   kImaging = 18,
   kCase = 19,
   kTable = 20,
-  kInjector = 21
+  kInjector = 21,
+  kExchange = 22
 };
 
 /// Second byte of a binary message. A change of a layout needs a new version.
@@ -64,6 +66,10 @@ std::string LinesText(const vessel::CenterlineNetwork& centerlines,
 std::string SceneText(const torquer_lcm::scene_description_t& scene);
 std::string HealthText(const torquer_lcm::health_t& health);
 std::string ReadingsText(const torquer_lcm::readings_t& readings);
+/// Devices of the instruments now, and the reason why the newest order was refused.
+std::string DevicesText(const torquer_lcm::devices_t& devices);
+/// Devices of the library, which instruments can become.
+std::string TrayText();
 /// Curves and figures of the patient monitor; at most the newest kMostVitalSamples samples.
 std::string PatientText(const torquer_lcm::vital_signs_t& vitals);
 inline constexpr std::size_t kMostVitalSamples = 500;
@@ -99,6 +105,7 @@ struct TableMotion {
 inline constexpr std::size_t kControlsBytes = 20;
 inline constexpr std::size_t kImagingBytes = 24;
 inline constexpr std::size_t kInjectorBytes = 40;
+inline constexpr std::size_t kExchangeBytes = 64;
 
 /// Reads controls. Nullopt if the bytes do not have that layout, or a rate is not finite or exceeds
 /// its limit.
@@ -118,6 +125,16 @@ std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes);
 
 /// Reads an order to the power injector, as ReadImaging.
 std::optional<effects::Injector> ReadInjector(std::span<const std::uint8_t> bytes);
+
+/// Order of the page to exchange an instrument.
+struct ExchangeChoice {
+  int instrument = 0;  ///< 0: the innermost
+  std::string device;  ///< of the library
+};
+
+/// Reads an order to exchange an instrument. Nullopt if the bytes do not have that layout, or the
+/// name is empty or too long.
+std::optional<ExchangeChoice> ReadExchange(std::span<const std::uint8_t> bytes);
 
 /// Replay controls that the page requests.
 struct ReplayControls {

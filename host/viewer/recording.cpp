@@ -38,6 +38,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
                                     std::string_view(protocol::kWireForcesChannel),
                                     std::string_view(protocol::kPictureChannel),
                                     std::string_view(protocol::kSceneChannel),
+                                    std::string_view(protocol::kDevicesChannel),
                                     std::string_view(protocol::kReadingsChannel),
                                     std::string_view(protocol::kHealthChannel),
                                     std::string_view(protocol::kVitalSignsChannel),

@@ -93,6 +93,10 @@ class Replayer {
       if (const auto scene = Decode<scene_description_t>(bytes)) {
         server_.ShowText("scene", SceneText(*scene));
       }
+    } else if (topic.channel == protocol::kDevicesChannel) {
+      if (const auto devices = Decode<devices_t>(bytes)) {
+        server_.ShowText("devices", DevicesText(*devices));
+      }
     } else if (topic.channel == protocol::kReadingsChannel) {
       if (const auto readings = Decode<readings_t>(bytes)) {
         server_.ShowText("readings", ReadingsText(*readings));

@@ -68,6 +68,7 @@ void Steering::Restart() {
   injector_ = {};
   injector_page_.reset();
   ordered_ = false;
+  exchange_us_.reset();
 }
 
 bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) {
@@ -102,6 +103,16 @@ bool Steering::Take(PageId page, const effects::Injector& injector) {
   injector_ = injector;
   injector_page_ = page;
   ordered_ = true;
+  return true;
+}
+
+bool Steering::Take(PageId page, const ExchangeChoice& choice, std::int64_t now_us) {
+  if (page_ && *page_ != page) return false;
+  if (choice.instrument >= static_cast<int>(commands_.size())) return false;
+  exchange_us_ = now_us;
+  ++exchange_command_.order;
+  exchange_command_.instrument = commands_[static_cast<std::size_t>(choice.instrument)].instrument;
+  exchange_command_.device = choice.device;
   return true;
 }
 
@@ -144,6 +155,12 @@ const torquer_lcm::injector_command_t* Steering::InjectorCommand(std::int64_t no
   command.delay_s = injector_.delay_s;
   command.rise_s = injector_.rise_s;
   return &command;
+}
+
+const torquer_lcm::exchange_command_t* Steering::ExchangeCommand(std::int64_t now_us) {
+  if (!exchange_us_ || now_us - *exchange_us_ > kOrderUs) return nullptr;
+  Stamp(exchange_command_, clock_id_, now_us);
+  return &exchange_command_;
 }
 
 void Steering::Leave(PageId page) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <torquer_lcm/exchange_command_t.hpp>
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/injector_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
@@ -28,6 +29,8 @@ class Steering {
  public:
   static constexpr std::int64_t kSilentUs = 300'000;
   static constexpr std::int64_t kReleaseUs = 1'000'000;
+  /// A message may be lost, but a later simulator must not get the order.
+  static constexpr std::int64_t kOrderUs = 1'500'000;
   /// Travel of the C-arm, as with a bench device.
   static constexpr double kLaoLimitRad = 1.5707963267948966;
   static constexpr double kCraLimitRad = 0.7853981633974483;
@@ -53,6 +56,8 @@ class Steering {
   /// The same for an order to the power injector. It stands while its page is there. That page can
   /// always give the order kOff.
   bool Take(PageId page, const effects::Injector& injector);
+  /// The same for an order to exchange an instrument of the scene, which is repeated for kOrderUs.
+  bool Take(PageId page, const ExchangeChoice& choice, std::int64_t now_us);
   void Leave(PageId page);
 
   /// Moves on to `now_us`.
@@ -68,6 +73,9 @@ class Steering {
 
   /// Null before the first order.
   const torquer_lcm::injector_command_t* InjectorCommand(std::int64_t now_us);
+
+  /// Null unless an exchange was ordered in the last kOrderUs.
+  const torquer_lcm::exchange_command_t* ExchangeCommand(std::int64_t now_us);
 
   /// Null before the first motion, and unless `again` while the table is where the last one put it.
   const torquer_lcm::table_command_t* TableCommand(std::int64_t now_us, bool again);
@@ -114,6 +122,8 @@ class Steering {
   std::optional<PageId> injector_page_;  // that gave the newest order
   bool ordered_ = false;
   torquer_lcm::injector_command_t injector_command_{};
+  std::optional<std::int64_t> exchange_us_;  // time of the newest order
+  torquer_lcm::exchange_command_t exchange_command_{};
 };
 
 }  // namespace torquer::viewer

@@ -52,6 +52,7 @@ class Viewer {
             },
             [this](PageId page) { steering_.Leave(page); }) {
     Subscribe();
+    server_.ShowText("tray", TrayText());
     if (station_ != nullptr) {
       for (const Case& one : station_->cases()) {
         server_.Serve(PictureName(one), PageServer::ServedAs::kPicture, one.picture);
@@ -102,6 +103,10 @@ class Viewer {
           for (const std::string& topic : health_topics_.Add(scene)) server_.Forget(topic);
           server_.ShowText("scene", SceneText(scene));
         });
+    bus_.Subscribe<torquer_lcm::devices_t>(protocol::kDevicesChannel,
+                                           [this](const torquer_lcm::devices_t& devices) {
+                                             server_.ShowText("devices", DevicesText(devices));
+                                           });
     bus_.Subscribe<torquer_lcm::readings_t>(protocol::kReadingsChannel,
                                             [this](const torquer_lcm::readings_t& readings) {
                                               steering_.Add(readings);
@@ -141,6 +146,11 @@ class Viewer {
     }
     if (const auto order = ReadInjector(message)) {
       if (steering_.Take(page, *order)) PublishInjector(bus::MonotonicUs());
+      return true;
+    }
+    if (const auto choice = ReadExchange(message)) {
+      const std::int64_t now_us = bus::MonotonicUs();
+      if (steering_.Take(page, *choice, now_us)) PublishExchange(now_us);
       return true;
     }
     if (const auto control = ReadCaseControl(message)) {
@@ -186,7 +196,7 @@ class Viewer {
     forces_.reset();
     state_is_new_ = false;
     for (const char* topic : {"state", "picture", "picture/lateral", "readings", "patient", "scene",
-                              "vessel", "lines"}) {
+                              "devices", "vessel", "lines"}) {
       server_.Forget(topic);
     }
     // An unfinished load continues, but its result is not shown.
@@ -252,6 +262,11 @@ class Viewer {
     if (command != nullptr) bus_.Publish(protocol::kInjectorCommandChannel, *command);
   }
 
+  void PublishExchange(std::int64_t now_us) {
+    const torquer_lcm::exchange_command_t* const command = steering_.ExchangeCommand(now_us);
+    if (command != nullptr) bus_.Publish(protocol::kExchangeCommandChannel, *command);
+  }
+
   void PublishTable(std::int64_t now_us, bool again) {
     const torquer_lcm::table_command_t* const command = steering_.TableCommand(now_us, again);
     if (command != nullptr) bus_.Publish(protocol::kTableCommandChannel, *command);
@@ -278,6 +293,7 @@ class Viewer {
   void Summarize(std::int64_t now_us) {
     PublishImaging(now_us);
     PublishInjector(now_us);
+    PublishExchange(now_us);
     PublishTable(now_us, true);
     const effects::Imaging& imaging = steering_.imaging();
     nlohmann::json wedges = nlohmann::json::array();

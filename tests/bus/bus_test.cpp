@@ -16,6 +16,8 @@
 #include "tests/support/sample_messages.h"
 #include "tests/support/sanitizer.h"
 #include "torquer_lcm/device_sample_t.hpp"
+#include "torquer_lcm/devices_t.hpp"
+#include "torquer_lcm/exchange_command_t.hpp"
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/imaging_command_t.hpp"
@@ -234,6 +236,8 @@ TEST_CASE("Mutated and random messages of every type end at the bus") {
   bus.Subscribe<torquer_lcm::scene_description_t>("scene_description_t", take, 0);
   bus.Subscribe<torquer_lcm::table_command_t>("table_command_t", take, 0);
   bus.Subscribe<torquer_lcm::injector_command_t>("injector_command_t", take, 0);
+  bus.Subscribe<torquer_lcm::devices_t>("devices_t", take, 0);
+  bus.Subscribe<torquer_lcm::exchange_command_t>("exchange_command_t", take, 0);
   bus.Subscribe<torquer_lcm::wedge_command_t>("wedge_command_t", take, 0);
   bus.Subscribe<torquer_lcm::vital_signs_t>("vital_signs_t", take, 0);
   bus.Subscribe<torquer_lcm::wire_forces_t>("wire_forces_t", take, 0);

@@ -11,11 +11,10 @@
 namespace torquer::fuzz::commands_target {
 namespace {
 
-simulator::Simulation& TheSimulation() {
-  static scene::Scene scene(scene::ParseScene(SourceText("host/scenes/drill_tube.toml"),
-                                              "drill_tube.toml", "host/scenes"));
-  static simulator::Simulation simulation(scene);
-  return simulation;
+const scene::Scene& TheScene() {
+  static const scene::Scene scene(scene::ParseScene(SourceText("host/scenes/drill_tube.toml"),
+                                                    "drill_tube.toml", "host/scenes"));
+  return scene;
 }
 
 std::vector<Bytes> Seeds() {
@@ -66,12 +65,22 @@ std::vector<Bytes> Seeds() {
     injector.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     packet.insert(packet.end(), bytes.begin(), bytes.end());
     AppendPacket(input, packet);
+    torquer_lcm::exchange_command_t exchange{};
+    exchange.sequence = k;
+    exchange.order = k / 2;
+    exchange.instrument = "guidewire";
+    exchange.device = "sion";
+    packet.resize(2);
+    bytes.resize(static_cast<std::size_t>(exchange.getEncodedSize()));
+    exchange.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    packet.insert(packet.end(), bytes.begin(), bytes.end());
+    AppendPacket(input, packet);
   }
   return {input};
 }
 
 bool Accepts(std::span<const std::uint8_t> input) {
-  simulator::LiveCommands commands(TheSimulation());
+  simulator::LiveCommands commands(TheScene());
   std::int64_t now_us = 10'000'000;
   for (Reader packets(input); !packets.empty();) {
     Reader packet(packets.Take(packets.Word()));
@@ -98,6 +107,12 @@ bool Accepts(std::span<const std::uint8_t> input) {
     if (bus::DecodeMessage(bytes.data(), bytes.size(), injector)) {
       commands.Take(injector, sender, now_us);
     }
+    torquer_lcm::exchange_command_t exchange;
+    if (bus::DecodeMessage(bytes.data(), bytes.size(), exchange)) {
+      commands.Take(exchange, sender, now_us);
+    }
+    const std::optional<simulator::ExchangeOrder> order = commands.TakeExchange();
+    if (order && order->instrument != 0) throw std::logic_error("an order for no instrument");
     commands.Age(now_us);
     const simulator::Command& wanted = commands.command();
     if (!simulator::IsValid(wanted.target[0]) || !simulator::IsValid(wanted.controls) ||

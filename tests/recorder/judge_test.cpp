@@ -13,11 +13,10 @@
 #include <string>
 #include <vector>
 
-#include "host/recorder/report_output.h"
 #include "host/recorder/session_judge.h"
-#include "host/recorder/session_summary.h"
+#include "host/simulator/exchangeable_simulation.h"
 #include "host/simulator/scene_message.h"
-#include "host/simulator/simulation.h"
+#include "host/support/fnv1a.h"
 #include "protocol/lcm_channels.h"
 #include "tests/support/paths.h"
 #include "tests/support/scenes.h"
@@ -55,6 +54,9 @@ struct Machine {
   double injector_mL = 0;                 // 0: no command for the power injector
   double wedge_share = 0;                 // 0: no command for the wedges, as in logs before it
   double table_left_mm = 0;               // 0: no command for the table, as in logs before it
+  std::string device;                     // for which the catheter is exchanged; "": no exchange
+  double catheter_mm = 0;                 // its insertion from command 20 on; 0: no command
+  std::uint64_t device_hash = 0;          // of its values in the log; 0: those that it has
 };
 
 class JudgedLog {
@@ -104,6 +106,7 @@ void PublishJudged(torquer::simulator::Simulation& simulation, const Machine& ma
                      (machine.busy && i >= 0 ? 7000 : 20);
   if (state.tick == 0) state.solve_us = 0;
   if (state.tick == 0) state.publish_us = began_us + (machine.busy ? 700 : 5);
+  for (auto& instrument : state.instruments) instrument.command_sequence = -1;
   state.instruments[0].command_sequence = i < 0 ? machine.first_tick_sequence : i;
   log.Write(torquer::protocol::kWireStateChannel, state);
   torquer_lcm::readings_t readings{};
@@ -119,10 +122,10 @@ void PublishJudged(torquer::simulator::Simulation& simulation, const Machine& ma
 // Records a session; returns a reading of the live simulator at its end.
 double RecordJudged(const SceneFile& file, const Machine& machine, const std::string& reading) {
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Simulation simulation(scene);
+  torquer::simulator::ExchangeableSimulation running(scene);
   JudgedLog log(file.Beside("log"));
-  log.Write(torquer::protocol::kSceneChannel, torquer::simulator::Describe(scene));
-  PublishJudged(simulation, machine, -1, kSimulatorBeganUs, log);
+  log.Write(torquer::protocol::kSceneChannel, torquer::simulator::Describe(running.now()));
+  PublishJudged(running.now(), machine, -1, kSimulatorBeganUs, log);
   const torquer::InstrumentPose start = scene.start()[0];
   for (int i = 0; i < kCommandCount; ++i) {
     torquer_lcm::instrument_command_t command = HandAt(i);
@@ -157,15 +160,29 @@ double RecordJudged(const SceneFile& file, const Machine& machine, const std::st
       wedges.share[0] = machine.wedge_share;
       log.Write(torquer::protocol::kWedgeCommandChannel, wedges);
     }
+    if (!machine.device.empty() && i == 10) {
+      running.Exchange(1, machine.device);
+      auto devices = torquer::simulator::DescribeDevices(running.now(), "");
+      if (machine.device_hash != 0) devices.exchange_hash[0] = torquer::Hex(machine.device_hash);
+      log.Write(torquer::protocol::kDevicesChannel, devices);
+    }
+    if (machine.catheter_mm != 0 && i >= 20) {
+      torquer_lcm::instrument_command_t catheter = command;
+      catheter.instrument = "catheter";
+      catheter.insertion_mm = live.target[1].insertion_mm =
+          machine.catheter_mm * std::min(1.0, (i - 19) / 40.0);
+      catheter.rotation_rad = 0;
+      log.Write(torquer::protocol::kInstrumentCommandChannel, catheter);
+    }
     if (machine.spoil(command)) log.Write(torquer::protocol::kInstrumentCommandChannel, command);
     if (machine.busy && i % 3 != 2) continue;
     torquer::CountedBudget budget(machine.busy ? 1 : 5000);
-    simulation.Tick(live, budget);
-    PublishJudged(simulation, machine, i, kSimulatorBeganUs, log);
+    running.now().Tick(live, budget);
+    PublishJudged(running.now(), machine, i, kSimulatorBeganUs, log);
   }
   if (machine.restarts) {
-    simulation.Restart();
-    PublishJudged(simulation, machine, kCommandCount - 1, kSimulatorBeganUs + 2'000'000, log);
+    running.now().Restart();
+    PublishJudged(running.now(), machine, kCommandCount - 1, kSimulatorBeganUs + 2'000'000, log);
   }
   torquer_lcm::health_t health{};
   health.process = "simulator";
@@ -175,7 +192,7 @@ double RecordJudged(const SceneFile& file, const Machine& machine, const std::st
   health.values = {machine.refused_senders};
   health.count = 1;
   log.Write(torquer::protocol::kHealthChannel, health);
-  for (const torquer::effects::Reading& one : simulation.Readings()) {
+  for (const torquer::effects::Reading& one : running.now().Readings()) {
     if (one.name == reading) return one.value;
   }
   return std::nan("");
@@ -304,6 +321,33 @@ TEST_CASE("A replay has the injections, and aborts one whose sender is silent, a
   CHECK(aborted.delivered_mL == Approx(4 * (28 * 0.01 + 0.3)).margin(4 * 0.021));
 }
 
+TEST_CASE("A replay has the exchange of an instrument") {
+  const auto judged = [](const std::string& at_start, const Machine& machine) {
+    const SceneFile file(std::string(kJudgedTask) +
+                         "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 100\ndevice = \"" +
+                         at_start + "\"\n");
+    RecordJudged(file, machine, "");
+    return JudgeFile(file);
+  };
+  Machine machine;
+  machine.catheter_mm = 60;
+  const SessionJudgment soft = judged("microcatheter_2_7f", machine);
+  const SessionJudgment stiff = judged("diagnostic_4f", machine);
+  machine.device = "diagnostic_4f";
+  const SessionJudgment exchanged = judged("microcatheter_2_7f", machine);
+  CHECK(exchanged.not_gradable.empty());
+  // As if the withdrawn catheter had been that device from the start.
+  const std::string force = "wall_force_largest_ever_mN";
+  const double stiff_mN = *FindReading(stiff.readings, force);
+  CHECK(*FindReading(exchanged.readings, force) == stiff_mN);
+  CHECK(*FindReading(soft.readings, force) != stiff_mN);
+  CHECK(exchanged.course.tip_path_mm() == stiff.course.tip_path_mm());
+
+  machine.device_hash = 5;
+  CHECK_THAT(judged("microcatheter_2_7f", machine).not_gradable,
+             Catch::Contains("the device diagnostic_4f has other values than in the recording"));
+}
+
 TEST_CASE("Pedals of a silent sender are up in a replay, as live") {
   const SceneFile file(kJudgedTask);
   Machine machine;
@@ -387,31 +431,4 @@ TEST_CASE("The program compares a session with the expert run beside its scene")
   CHECK(report["expert"]["readings"]["procedure_s"].get<double>() == Approx(3));
   CHECK(report["expert"]["readings"]["retracted_mm"].get<double>() == Approx(5));
   CHECK(report["readings"]["retracted_mm"].get<double>() == 0);
-}
-
-TEST_CASE("A report has the marks of the replay, or none with the reason") {
-  torquer::SessionReport report;
-  report.readings.names = {"target_reached", "safe_success", "wall_force_largest_ever_mN"};
-  report.readings.values = {1, 1, 12};
-  SessionJudgment judgment;
-  judgment.readings.names = report.readings.names;
-  judgment.readings.values = {1, 0, 700};
-  torquer::SessionReport judged = report;
-  ApplyJudgment(judgment, judged);
-  CHECK(judged.judged);
-  CHECK(torquer::Summarize(judged).safe == false);
-  CHECK(torquer::Summarize(judged).wall_force_mN == 700);
-  CHECK_THAT(torquer::FormatReportJson(judged, "", ""),
-             Catch::Contains("\"judged\":true,\"not_gradable\":null"));
-
-  ApplyJudgment({.not_gradable = "the recording is damaged", .course = {}}, report);
-  const torquer::SessionSummary none = torquer::Summarize(report);
-  CHECK_FALSE(none.gradable);
-  CHECK_FALSE(none.target_reached.has_value());
-  CHECK_FALSE(none.safe.has_value());
-  CHECK_FALSE(none.wall_force_mN.has_value());
-  CHECK_THAT(torquer::FormatReport(report),
-             Catch::Contains("none, not gradable: the recording is damaged"));
-  CHECK_THAT(torquer::FormatReportJson(report, "", ""),
-             Catch::Contains("\"not_gradable\":\"the recording is damaged\""));
 }

@@ -109,6 +109,18 @@ TEST_CASE("Page and JSON list the injections by the power injector") {
   CHECK(json[0]["complete"] == true);
 }
 
+TEST_CASE("Page, text and JSON list the exchanges of instruments") {
+  SessionReport report = PageReport(true);
+  report.exchanges = {{12.5, "guidewire", "sion"}, {65, "guide<r>", "guiding_6f"}};
+  const std::string page = FormatPage(report, PagePartsOfCourse());
+  CHECK_THAT(page, Row("Exchange 1, at 0:12.5 min", "guidewire for sion"));
+  CHECK_THAT(page, Row("Exchange 2, at 1:05.0 min", "guide&lt;r&gt; for guiding_6f"));
+  CHECK_THAT(FormatReport(report), Catch::Contains("  exchange     guidewire for sion, at 0:12.5"));
+  CHECK(nlohmann::json::parse(FormatReportJson(report, "", ""))["exchanges"] ==
+        nlohmann::json::parse(R"([{"time_s": 12.5, "instrument": "guidewire", "device": "sion"},
+          {"time_s": 65.0, "instrument": "guide<r>", "device": "guiding_6f"}])"));
+}
+
 TEST_CASE("The verdict follows the readings") {
   SessionReport report = PageReport(true);
   const PageParts parts = PagePartsOfCourse();

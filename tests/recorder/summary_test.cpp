@@ -3,6 +3,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "host/recorder/report_output.h"
+#include "host/recorder/session_judge.h"
 #include "host/recorder/session_summary.h"
 #include "host/support/error.h"
 #include "tests/support/temporary_folder.h"
@@ -150,4 +152,31 @@ TEST_CASE(
   CHECK(earlier.sessions.front().started_us == kSessions - EarlierSessions::kMost + 1);
   CHECK(earlier.sessions.back().started_us == kSessions);
   CHECK(earlier.refused.size() == EarlierSessions::kMostRefused);
+}
+
+TEST_CASE("A report has the marks of the replay, or none with the reason") {
+  torquer::SessionReport report;
+  report.readings.names = {"target_reached", "safe_success", "wall_force_largest_ever_mN"};
+  report.readings.values = {1, 1, 12};
+  torquer::SessionJudgment judgment;
+  judgment.readings.names = report.readings.names;
+  judgment.readings.values = {1, 0, 700};
+  torquer::SessionReport judged = report;
+  ApplyJudgment(judgment, judged);
+  CHECK(judged.judged);
+  CHECK(torquer::Summarize(judged).safe == false);
+  CHECK(torquer::Summarize(judged).wall_force_mN == 700);
+  CHECK_THAT(torquer::FormatReportJson(judged, "", ""),
+             Catch::Contains("\"judged\":true,\"not_gradable\":null"));
+
+  ApplyJudgment({.not_gradable = "the recording is damaged", .course = {}}, report);
+  const torquer::SessionSummary none = torquer::Summarize(report);
+  CHECK_FALSE(none.gradable);
+  CHECK_FALSE(none.target_reached.has_value());
+  CHECK_FALSE(none.safe.has_value());
+  CHECK_FALSE(none.wall_force_mN.has_value());
+  CHECK_THAT(torquer::FormatReport(report),
+             Catch::Contains("none, not gradable: the recording is damaged"));
+  CHECK_THAT(torquer::FormatReportJson(report, "", ""),
+             Catch::Contains("\"not_gradable\":\"the recording is damaged\""));
 }

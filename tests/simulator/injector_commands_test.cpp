@@ -20,16 +20,14 @@ constexpr std::int64_t kOrderedUs = 50'000'000;
 
 class InjectorFixture {
  public:
-  InjectorFixture()
-      : file_(torquer::test::kMicrocatheter), scene_(file_.path()), simulation_(scene_) {}
+  InjectorFixture() : file_(torquer::test::kMicrocatheter), scene_(file_.path()) {}
   LiveCommands& commands() { return commands_; }
   const Injector& injector() const { return commands_.command().controls.injector; }
 
  private:
   torquer::test::SceneFile file_;
   torquer::scene::Scene scene_;
-  torquer::simulator::Simulation simulation_;
-  LiveCommands commands_{simulation_};
+  LiveCommands commands_{scene_};
 };
 
 injector_command_t OrderFor(std::int64_t sequence, std::int32_t order) {

@@ -62,7 +62,7 @@ class Fixture {
   torquer::test::SceneFile file_;
   torquer::scene::Scene scene_;
   torquer::simulator::Simulation simulation_;
-  LiveCommands commands_{simulation_};
+  LiveCommands commands_{scene_};
 };
 
 }  // namespace

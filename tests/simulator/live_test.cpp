@@ -20,109 +20,13 @@
 #include "host/simulator/live_vital_signs.h"
 #include "host/simulator/replay.h"
 #include "protocol/lcm_channels.h"
-#include "tests/simulator/state_log.h"
+#include "tests/simulator/live_scene.h"
 #include "tests/support/private_network.h"
 #include "tests/support/scenes.h"
 
+using torquer::test::LiveScene;
 using torquer::test::SceneFile;
-
-namespace {
-
-// Timeout that is long enough for any machine.
-constexpr std::chrono::seconds kLongest{60};
-
-// Handles messages of `bus` until `done`; false on timeout.
-bool WaitFor(torquer::bus::Bus& bus, const std::function<bool()>& done) {
-  const auto end = std::chrono::steady_clock::now() + kLongest;
-  while (!done()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    bus.Handle(10);
-  }
-  return true;
-}
-
-// Live scene, and hands that move its instruments over the bus.
-class LiveScene {
- public:
-  explicit LiveScene(const std::string& scene_file) : scene_(scene_file), simulation_(scene_) {
-    hands_.Subscribe<torquer_lcm::wire_state_t>(
-        torquer::protocol::kWireStateChannel,
-        [this](const torquer_lcm::wire_state_t& state) {
-          state_ = state;
-          if (log_) log_->Write(state);
-        },
-        0);
-  }
-  ~LiveScene() { Stop(); }
-  LiveScene(const LiveScene&) = delete;
-  LiveScene& operator=(const LiveScene&) = delete;
-
-  // Logs from the first state on.
-  void LogTo(const std::string& path) { log_ = std::make_unique<torquer::test::StateLog>(path); }
-  void Start() {
-    thread_ = std::thread(
-        [this] { statistics_ = torquer::simulator::RunLive(simulation_, bus_, stop_); });
-  }
-  torquer::simulator::LiveStatistics Stop() {
-    stop_ = true;
-    if (thread_.joinable()) thread_.join();
-    return statistics_;
-  }
-
-  // Newest command of all hands; a test may change fields that have no parameter.
-  torquer_lcm::instrument_command_t command{};
-
-  // Publishes a command repeatedly, because the simulator may not listen yet, until `done` is true.
-  bool Send(const std::string& instrument, double insertion_mm, double rotation_rad,
-            const std::function<bool()>& done) {
-    ++command.sequence;
-    command.instrument = instrument;
-    command.clock_id = torquer::bus::ClockId();
-    command.insertion_mm = insertion_mm;
-    command.rotation_rad = rotation_rad;
-    command.origin_us = command.publish_us = torquer::bus::MonotonicUs();
-    return WaitFor(hands_, [&] {
-      if (done()) return true;
-      hands_.Publish(torquer::protocol::kInstrumentCommandChannel, command);
-      return false;
-    });
-  }
-  // Same until a state contains the command.
-  bool SendAndSee(const std::string& instrument, double insertion_mm, double rotation_rad) {
-    return Send(instrument, insertion_mm, rotation_rad,
-                [&] { return HasState() && At(instrument).command_sequence == command.sequence; });
-  }
-  // Same until the instrument has arrived: a tick with too little time carries a remainder over.
-  bool SendAndArrive(const std::string& instrument, double insertion_mm, double rotation_rad) {
-    return Send(instrument, insertion_mm, rotation_rad, [&] {
-      return HasState() && At(instrument).command_sequence == command.sequence &&
-             At(instrument).carried_mm == 0 && At(instrument).carried_rad == 0;
-    });
-  }
-
-  bool HasState() const { return !state_.instruments.empty(); }
-  const torquer_lcm::wire_state_t& state() const { return state_; }
-  const torquer_lcm::instrument_state_t& At(const std::string& instrument) const {
-    for (const torquer_lcm::instrument_state_t& one : state_.instruments) {
-      if (one.name == instrument) return one;
-    }
-    throw std::runtime_error("no state of " + instrument);
-  }
-  torquer::bus::Bus& hands() { return hands_; }
-
- private:
-  torquer::scene::Scene scene_;
-  torquer::simulator::Simulation simulation_;
-  torquer::bus::Bus bus_;
-  torquer::bus::Bus hands_;
-  std::unique_ptr<torquer::test::StateLog> log_;
-  torquer_lcm::wire_state_t state_{};
-  std::atomic<bool> stop_{false};
-  torquer::simulator::LiveStatistics statistics_;
-  std::thread thread_;
-};
-
-}  // namespace
+using torquer::test::WaitFor;
 
 TEST_CASE("Live, commands become states with their times and doubts", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
@@ -265,7 +169,7 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
   torquer::test::NeedPrivateNetwork();
   const SceneFile file("[effects.wall_force]\nthreshold_mN = 0.01\n");
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Simulation simulation(scene);
+  torquer::simulator::ExchangeableSimulation simulation(scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   std::vector<torquer_lcm::readings_t> heard;
@@ -278,7 +182,7 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
   stop = true;
   simulator.join();
   REQUIRE(enough);
-  CHECK(WaitFor(listener, [&] { return heard.back().tick == simulation.tick(); }));
+  CHECK(WaitFor(listener, [&] { return heard.back().tick == simulation.now().tick(); }));
   for (const torquer_lcm::readings_t& readings : heard) {
     CHECK(readings.clock_id == torquer::bus::ClockId());
     REQUIRE(readings.names.size() == readings.values.size());
@@ -288,9 +192,9 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
     CHECK(heard[k].publish_us - heard[k - 1].publish_us >= torquer::simulator::kReadingsEveryUs);
   }
   const torquer_lcm::readings_t& last = heard.back();
-  CHECK(last.tick == simulation.tick());
-  CHECK(last.time_s == simulation.time_s());
-  const std::vector<torquer::effects::Reading> found = simulation.Readings();
+  CHECK(last.tick == simulation.now().tick());
+  CHECK(last.time_s == simulation.now().time_s());
+  const std::vector<torquer::effects::Reading> found = simulation.now().Readings();
   REQUIRE(last.names.size() == found.size());
   for (std::size_t k = 0; k < found.size(); ++k) {
     CHECK(last.names[k] == found[k].name);
@@ -303,7 +207,7 @@ TEST_CASE("Live, health has the price of each effect", "[simulator]") {
   const SceneFile file("[effects.wall_force]\nthreshold_mN = 0.01\n");
   torquer::scene::Scene scene(file.path());
   torquer::simulator::EffectPrices prices(scene.names_of_effects(), torquer::bus::MonotonicUs);
-  torquer::simulator::Simulation simulation(scene, &prices);
+  torquer::simulator::ExchangeableSimulation simulation(scene, &prices);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   std::vector<std::string> names;
@@ -330,7 +234,7 @@ TEST_CASE("Live, every state of a scene with internal_forces has forces along th
   const bool asked = GENERATE(true, false);
   const SceneFile file(asked ? "[effects.internal_forces]\n" : "");
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Simulation simulation(scene);
+  torquer::simulator::ExchangeableSimulation simulation(scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   std::vector<torquer_lcm::wire_forces_t> heard;
@@ -350,10 +254,10 @@ TEST_CASE("Live, every state of a scene with internal_forces has forces along th
   if (!asked) return;
   const torquer_lcm::wire_forces_t& forces = heard.back();
   CHECK(forces.names == std::vector<std::string>{"guidewire"});
-  CHECK(forces.node_count == simulation.state().segments() + 1);
+  CHECK(forces.node_count == simulation.now().state().segments() + 1);
   CHECK(forces.stride == 1);
-  CHECK(forces.hand_force_mN[0] == 1e3 * (*simulation.hands())[0].axial_N);
-  CHECK(forces.tension_mN[5] == static_cast<float>(1e3 * simulation.forces()->tension_N[5]));
+  CHECK(forces.hand_force_mN[0] == 1e3 * (*simulation.now().hands())[0].axial_N);
+  CHECK(forces.tension_mN[5] == static_cast<float>(1e3 * simulation.now().forces()->tension_N[5]));
 }
 
 TEST_CASE("Live, a patient monitor publishes its curves without a gap", "[simulator]") {
@@ -364,7 +268,7 @@ TEST_CASE("Live, a patient monitor publishes its curves without a gap", "[simula
       "[[effects.heartbeat.region]]\ncenter_mm = [80, 0, 0]\nradius_mm = 40\n";
   const SceneFile file(heart + (asked ? "[effects.patient_monitor]\n" : ""));
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Simulation simulation(scene);
+  torquer::simulator::ExchangeableSimulation simulation(scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   std::vector<torquer_lcm::vital_signs_t> heard;
@@ -406,7 +310,7 @@ TEST_CASE("A scene without observers publishes no readings", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Simulation simulation(scene);
+  torquer::simulator::ExchangeableSimulation simulation(scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   int heard = 0;

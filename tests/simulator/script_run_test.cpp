@@ -198,8 +198,9 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
   // The message lists the existing columns, or the nearest one.
   refuse("balloon.insertion_mm",
          {"time_s, lao_deg, cra_deg, xray, contrast, table_left_mm, table_head_mm, "
-          "table_height_mm, guidewire.insertion_mm, guidewire.rotation_rad,"
-          " microcatheter.insertion_mm, microcatheter.rotation_rad"});
+          "table_height_mm, guidewire.insertion_mm, guidewire.rotation_rad, "
+          "guidewire.device, microcatheter.insertion_mm, microcatheter.rotation_rad, "
+          "microcatheter.device"});
   refuse("guidwire.insertion_mm", {"did you mean guidewire.insertion_mm?"});
   refuse("microcatheter.rotation_deg", {"did you mean microcatheter.rotation_rad?"});
   refuse("insertion_mm", {"guidewire.insertion_mm"});

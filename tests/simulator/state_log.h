@@ -1,4 +1,4 @@
-// Log of wire states, written as torquer-recorder writes it.
+// Log of wire states and other messages, written as torquer-recorder writes it.
 #pragma once
 
 #include <cstdint>
@@ -18,13 +18,14 @@ class StateLog {
     if (!file_.good()) throw std::runtime_error("cannot write " + path);
   }
 
-  void Write(const torquer_lcm::wire_state_t& state) {
-    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(state.getEncodedSize()));
-    state.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  void Write(const torquer_lcm::wire_state_t& state) { Write(protocol::kWireStateChannel, state); }
+  template <class Message>
+  void Write(const char* channel, const Message& message) {
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     lcm::LogEvent event;
-    event.eventnum = state.tick;
-    event.timestamp = state.tick;
-    event.channel = protocol::kWireStateChannel;
+    event.eventnum = event.timestamp = count_++;
+    event.channel = channel;
     event.datalen = static_cast<int>(bytes.size());
     event.data = bytes.data();
     file_.writeEvent(&event);
@@ -32,6 +33,7 @@ class StateLog {
 
  private:
   lcm::LogFile file_;
+  std::int64_t count_ = 0;
 };
 
 }  // namespace torquer::test

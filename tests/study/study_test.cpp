@@ -226,8 +226,8 @@ TEST_CASE("A trace has every attempt of every tick, and changes none") {
   simulator::Simulation simulation(scene);
   RowRun motion(simulation);
   std::vector<TickReport> ticks;
-  for (const Command& row : ReadScript(script, scene.path(), InstrumentsOf(scene))) {
-    motion.GoTo(row, [&](const StepReport&) {
+  for (const ScriptRow& row : ReadScript(script, scene.path(), InstrumentsOf(scene))) {
+    motion.GoTo(row.command, [&](const StepReport&) {
       ticks.push_back(simulation.report());
       return true;
     });

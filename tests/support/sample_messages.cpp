@@ -6,6 +6,8 @@
 #include <span>
 #include <stdexcept>
 #include <torquer_lcm/device_sample_t.hpp>
+#include <torquer_lcm/devices_t.hpp>
+#include <torquer_lcm/exchange_command_t.hpp>
 #include <torquer_lcm/hand_motion_t.hpp>
 #include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/imaging_command_t.hpp>
@@ -131,6 +133,20 @@ std::vector<SampleMessage> SampleMessages() {
   torquer_lcm::injector_command_t injector{};
   injector.order = 1;
   injector.volume_mL = 12.5;
+  torquer_lcm::exchange_command_t exchange{};
+  exchange.order = 3;
+  exchange.instrument = "guidewire";
+  exchange.device = "sion";
+  torquer_lcm::devices_t devices{};
+  devices.instruments = {"guidewire"};
+  devices.devices = {"sion"};
+  devices.instrument_count = 1;
+  devices.exchange_tick = {12};
+  devices.exchange_time_s = {0.5};
+  devices.exchange_instrument = {0};
+  devices.exchange_device = {"sion"};
+  devices.exchange_hash = {"0123456789abcdef"};
+  devices.exchange_count = 1;
   torquer_lcm::picture_t picture{};
   picture.encoding = "jpeg";
   picture.data = {1, 2, 3, 4, 5};
@@ -154,9 +170,10 @@ std::vector<SampleMessage> SampleMessages() {
   vitals.sample_count = 2;
   vitals.ecg = {0.25, 1};
   vitals.pressure_mmHg = {80, 120.5};
-  return {Sample(forces),  Sample(sample),  Sample(motion),   Sample(health),  Sample(command),
-          Sample(imaging), Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState()),
-          Sample(table),   Sample(vitals),  Sample(wedges),   Sample(injector)};
+  return {Sample(forces),  Sample(sample),      Sample(motion),   Sample(health),
+          Sample(command), Sample(imaging),     Sample(picture),  Sample(readings),
+          Sample(Scene()), Sample(WireState()), Sample(table),    Sample(vitals),
+          Sample(wedges),  Sample(injector),    Sample(exchange), Sample(devices)};
 }
 
 }  // namespace torquer::test

@@ -1,10 +1,13 @@
 #include "host/viewer/page_messages.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
 using namespace torquer::viewer;
@@ -319,6 +322,54 @@ TEST_CASE("An order to the power injector is taken only as the page sends it") {
   CHECK_FALSE(ReadImaging(other));
   other.push_back(0);
   CHECK_FALSE(ReadInjector(other));
+}
+
+TEST_CASE("Orders to exchange are accepted only in the page's format") {
+  const auto message = [](std::uint8_t length, const std::string& name) {
+    std::vector<std::uint8_t> bytes(kExchangeBytes);
+    bytes[0] = 22;
+    bytes[1] = 1;
+    bytes[2] = 3;
+    bytes[3] = length;
+    std::copy(name.begin(), name.end(), bytes.begin() + 4);
+    return bytes;
+  };
+  const auto taken = ReadExchange(message(4, "sion"));
+  REQUIRE(taken);
+  CHECK(taken->instrument == 3);
+  CHECK(taken->device == "sion");
+  const std::string longest(60, 'd');
+  CHECK(ReadExchange(message(60, longest))->device == longest);
+  CHECK_FALSE(ReadExchange(message(0, "sion")));
+  CHECK_FALSE(ReadExchange(message(61, longest)));
+  auto other = message(4, "sion");
+  CHECK_FALSE(ReadInjector(other));
+  other[1] = 2;
+  CHECK_FALSE(ReadExchange(other));
+  other[1] = 1;
+  other.push_back(0);
+  CHECK_FALSE(ReadExchange(other));
+}
+
+TEST_CASE("The page gets the devices of the instruments, and those of the library") {
+  torquer_lcm::devices_t devices{};
+  devices.devices = {"sion", ""};
+  devices.exchange_count = 2;
+  devices.refusal = "withdraw it";
+  CHECK(nlohmann::json::parse(DevicesText(devices)) ==
+        nlohmann::json({{"kind", "devices"},
+                        {"devices", {"sion", ""}},
+                        {"exchanges", 2},
+                        {"refusal", "withdraw it"}}));
+  const nlohmann::json tray = nlohmann::json::parse(TrayText());
+  CHECK(tray["kind"] == "tray");
+  std::map<std::string, bool> hollow;
+  for (const nlohmann::json& device : tray["devices"]) {
+    hollow[device["name"]] = device["hollow"];
+    CHECK_FALSE(device["product"].get<std::string>().empty());
+  }
+  CHECK_FALSE(hollow.at("sion"));
+  CHECK(hollow.at("guiding_6f"));
 }
 
 TEST_CASE("Choices of cases are accepted only in the page's format") {

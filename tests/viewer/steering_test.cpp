@@ -1,6 +1,7 @@
 #include "host/viewer/steering.h"
 
 #include <catch2/catch.hpp>
+#include <utility>
 
 #include "protocol/lcm_channels.h"
 
@@ -233,6 +234,35 @@ TEST_CASE("An order to the power injector stands while its page is there") {
   CHECK(order() == torquer::protocol::kInjectorOff);
   steering.Restart();
   CHECK(steering.InjectorCommand(kStart) == nullptr);
+}
+
+TEST_CASE("An order to exchange is repeated for a time, with its own number") {
+  Steering steering = Placed();
+  CHECK(steering.ExchangeCommand(kStart) == nullptr);
+  CHECK_FALSE(steering.Take(3, ExchangeChoice{2, "sion"}, kStart));
+  REQUIRE(steering.Take(3, ExchangeChoice{1, "guiding_6f"}, kStart));
+  const auto* command = steering.ExchangeCommand(kStart + 10);
+  REQUIRE(command != nullptr);
+  CHECK(command->instrument == "catheter");
+  CHECK(command->device == "guiding_6f");
+  CHECK(command->clock_id == 77);
+  CHECK(command->publish_us == kStart + 10);
+  const auto [order, sequence] = std::pair(command->order, command->sequence);
+  command = steering.ExchangeCommand(kStart + Steering::kOrderUs);
+  REQUIRE(command != nullptr);
+  CHECK(command->order == order);
+  CHECK(command->sequence == sequence + 1);
+  CHECK(steering.ExchangeCommand(kStart + Steering::kOrderUs + 1) == nullptr);
+  // The same choice again is another order.
+  REQUIRE(steering.Take(3, ExchangeChoice{1, "guiding_6f"}, kStart + 5'000'000));
+  CHECK(steering.ExchangeCommand(kStart + 5'000'000)->order == order + 1);
+  // While another page steers, this one cannot order.
+  steering.Take(4, Push(1), kStart + 5'000'000);
+  CHECK_FALSE(steering.Take(3, ExchangeChoice{0, "sion"}, kStart + 5'000'000));
+  CHECK(steering.Take(4, ExchangeChoice{0, "sion"}, kStart + 5'000'000));
+  CHECK(steering.ExchangeCommand(kStart + 5'000'000)->instrument == "guidewire");
+  steering.Restart();
+  CHECK(steering.ExchangeCommand(kStart + 5'000'000) == nullptr);
 }
 
 TEST_CASE("The steering page moves the table at its rate, and it stops with the page") {

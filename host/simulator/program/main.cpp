@@ -11,6 +11,7 @@
 #include "host/api/torquer/torquer.h"
 #include "host/bus/bus.h"
 #include "host/simulator/effect_prices.h"
+#include "host/simulator/exchangeable_simulation.h"
 #include "host/simulator/explain.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/program/script_run.h"
@@ -18,7 +19,6 @@
 #include "host/simulator/scene/key_reference.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/session_record.h"
-#include "host/simulator/simulation.h"
 #include "host/simulator/sole_simulator.h"
 #include "host/simulator/vessel/mesh_check.h"
 #include "host/simulator/vessel/mesh_import.h"
@@ -69,16 +69,16 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   torquer::bus::Bus bus(url);
   torquer::simulator::SoleSimulator sole(bus.url(), scene.name());
   torquer::simulator::EffectPrices prices(scene.names_of_effects(), NowNs);
-  torquer::simulator::Simulation simulation(scene, &prices);
+  torquer::simulator::ExchangeableSimulation simulation(scene, &prices);
   std::optional<torquer::simulator::SessionRecord> record;
   if (!record_file.empty()) {
-    record.emplace(record_file, scene.path(), !simulation.Readings().empty());
+    record.emplace(record_file, scene.path(), !simulation.now().Readings().empty());
   }
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   sole.Listen();
   torquer::PrintError("torquer-simulator: running {} on {}\n", scene.name(), bus.url());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
-  if (record) record->Finish(torquer::simulator::FormatRecord(simulation, examination));
+  if (record) record->Finish(torquer::simulator::FormatRecord(simulation.now(), examination));
   if (json) {
     const nlohmann::json line = {{"ticks", run.ticks},
                                  {"commands", run.commands},
@@ -133,7 +133,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("Simulation of a script, without a bus");
   options.Text("--script", "FILE", arguments.script,
                "CSV file of commands; the column time_s is required; optional columns are "
-               "NAME.insertion_mm and NAME.rotation_rad per instrument, lao_deg, cra_deg, xray, "
+               "NAME.insertion_mm, NAME.rotation_rad and NAME.device per instrument, lao_deg, "
+               "cra_deg, xray, "
                "contrast, table_left_mm, table_head_mm, table_height_mm; -: read rows from "
                "standard input and execute each at once",
                ValueKind::kFile);

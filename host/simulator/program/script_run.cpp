@@ -63,12 +63,12 @@ class ClampingWarning {
  public:
   explicit ClampingWarning(const Scene& scene)
       : instruments_(scene.instruments()), said_(instruments_.size()) {}
-  void Look(const std::vector<Command>& commands) {
+  void Look(const std::vector<ScriptRow>& rows) {
     for (std::size_t k = 0; k < instruments_.size(); ++k) {
       const double longest_mm = instruments_[k].max_length_mm;
       double most_mm = 0;
-      for (const Command& command : commands) {
-        most_mm = std::max(most_mm, command.hands[k].insertion_mm);
+      for (const ScriptRow& row : rows) {
+        most_mm = std::max(most_mm, row.command.hands[k].insertion_mm);
       }
       if (said_[k] || most_mm <= longest_mm) continue;
       said_[k] = true;
@@ -102,7 +102,7 @@ class ScriptRows {
     }
   }
 
-  std::optional<Command> Next() {
+  std::optional<ScriptRow> Next() {
     if (!reader_) {
       if (given_ == file_.size()) return std::nullopt;
       return file_[given_++];
@@ -110,9 +110,9 @@ class ScriptRows {
     const std::optional<CsvRow> row = columns_ ? reader_->Next() : std::nullopt;
     if (!row) return std::nullopt;
     ++given_;
-    Command command = columns_->Read(*row);
-    warning_.Look({command});
-    return command;
+    ScriptRow read = columns_->Read(*row);
+    warning_.Look({read});
+    return read;
   }
 
   // Number of rows that are known so far.
@@ -121,11 +121,22 @@ class ScriptRows {
 
  private:
   ClampingWarning warning_;
-  std::vector<Command> file_;
+  std::vector<ScriptRow> file_;
   std::optional<CsvReader> reader_;
   std::optional<ScriptColumns> columns_;
   std::size_t given_ = 0;
 };
+
+void Exchange(const ScriptRow& row, Simulation& simulation) {
+  for (const ScriptRow::Exchange& exchange : row.exchanges) {
+    try {
+      simulation.Exchange(simulation.scene().instruments()[exchange.instrument].name,
+                          exchange.device);
+    } catch (const Error& error) {
+      throw UserError(row.place + ": " + error.what());
+    }
+  }
+}
 
 }  // namespace
 
@@ -147,12 +158,13 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
   std::optional<double> first_s;
   ScriptResult result;
   while (!stop) {
-    const std::optional<Command> next = rows.Next();
+    const std::optional<ScriptRow> next = rows.Next();
     if (!next) {
       if (!streams.interrupted()) result.end = ScriptEnd::kLastRow;
       break;
     }
-    Command row = *next;
+    Exchange(*next, simulation);
+    Command row = next->command;
     if (!first_s) first_s = row.time_s;
     row.time_s -= *first_s;
     RowCost cost;
@@ -167,7 +179,7 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
     // A row may have an hour of ticks, so `stop` can interrupt it. An unfinished row has no state.
     cost.row = simulation.Step(row, after_tick);
     if (!cost.row.finished) break;
-    if (states && !states->Write({simulation, next->time_s, cost})) break;
+    if (states && !states->Write({simulation, next->command.time_s, cost})) break;
     result.unconverged += !cost.row.converged;
     ++result.done;
     if (shows_progress && (result.done % 64 == 1 || result.done == rows.count())) {

@@ -141,7 +141,7 @@ TEST_CASE("A picture of any content fits a message", "[effects]") {
 TEST_CASE("Live, pictures are published while the pedal is down, then held", "[effects]") {
   torquer::test::NeedPrivateNetwork();
   SceneOf scene(kFork + kSmallXray + "pictures_per_s = 20\n");
-  torquer::simulator::Simulation session(*scene);
+  torquer::simulator::ExchangeableSimulation session(*scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus hand_bus;
   std::vector<torquer_lcm::picture_t> pictures;

@@ -115,6 +115,25 @@ TEST_CASE("A frame that was rendered before its offer arrives is not published t
   for (std::size_t k = 1; k < pictures.size(); ++k) CHECK(pictures[k].held != 0);
 }
 
+TEST_CASE("A paused picture thread renders nothing, and goes on with another source") {
+  PublishedPictures published;
+  auto& [ticks, bus, pictures, thread] = published;
+  thread.Pause();
+  REQUIRE(ticks.Next());
+  thread.Offer();
+  for (int k = 0; k < 20; ++k) bus.Handle(10);
+  CHECK(pictures.empty());
+  Ticks others;
+  REQUIRE(others.Next());
+  REQUIRE(others.Next());
+  REQUIRE(others.time_s() != ticks.time_s());
+  thread.Continue(others.fluoroscopy());
+  for (int k = 0; k < 6000 && pictures.empty(); ++k) bus.Handle(10);
+  REQUIRE_FALSE(pictures.empty());
+  CHECK(pictures[0].time_s == others.time_s());
+  thread.Pause();  // `others` ends before the thread
+}
+
 TEST_CASE("A picture thread ends at once, busy, offered or idle") {
   for (int k = 0; k < 20; ++k) {
     Ticks ticks;

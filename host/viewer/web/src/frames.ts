@@ -66,7 +66,7 @@ export interface Scene {
   method: string;
   effects: string[];
   off: string[]; // effects that the scene does not name
-  instruments: { name: string; radius_mm: number; max_length_mm: number }[];
+  instruments: { name: string; radius_mm: number; hollow: boolean; max_length_mm: number }[];
   min_mm: number[];
   max_mm: number[];
   left: number[];
@@ -108,6 +108,20 @@ export interface Readings {
   kind: "readings";
   time_s: number;
   values: Record<string, number | null>; // null: not known
+}
+
+/** Devices that the instruments are now. */
+export interface Devices {
+  kind: "devices";
+  devices: string[]; // of each instrument; "": the scene alone describes it
+  exchanges: number; // since the start
+  refusal: string; // reason if the newest order was refused
+}
+
+/** Devices of the library. */
+export interface Tray {
+  kind: "tray";
+  devices: { name: string; product: string; hollow: boolean }[];
 }
 
 /** Curves of the last second, and figures of the last whole beat. null: not known. */
@@ -212,6 +226,8 @@ export interface Cases {
 
 export type Incoming =
   | WireState
+  | Devices
+  | Tray
   | Picture
   | VesselSurface
   | Lines
@@ -385,6 +401,15 @@ export function writeInjector(order: InjectorOrder, setUp: InjectorSetUp): Array
   view.setFloat64(24, setUp.delay_s, true);
   view.setFloat64(32, setUp.rise_s, true);
   return view.buffer;
+}
+
+/** Order to exchange an instrument for a device. */
+export function writeExchange(instrument: number, device: string): ArrayBuffer {
+  const bytes = new Uint8Array(64);
+  const name = new TextEncoder().encode(device);
+  bytes.set([22, VERSION, instrument, name.length]);
+  bytes.set(name, 4);
+  return bytes.buffer;
 }
 
 export interface ReplayControls {

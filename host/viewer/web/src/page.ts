@@ -5,7 +5,7 @@ import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
 import type { Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
-import { STATUS, write, writeImaging, writeInjector, writeReplay, writeTable } from "./frames.js";
+import { STATUS, write, writeExchange, writeImaging, writeInjector, writeReplay, writeTable } from "./frames.js";
 import { GamepadSource } from "./gamepad.js";
 import { InjectorPanel } from "./injector.js";
 import { Keyboard } from "./keyboard.js";
@@ -17,6 +17,7 @@ import { Prices } from "./prices.js";
 import { ReplayBar } from "./replay.js";
 import { Space } from "./space.js";
 import { Steering } from "./steering.js";
+import { TrayBar } from "./tray.js";
 import { XraySystem } from "./xray_system.js";
 
 const STATE_OLD_MS = 1200; // a state comes five times a second at least
@@ -25,7 +26,8 @@ const REFRESH_MS = 250;
 class Page {
   private readonly fluoroscopy = new Fluoroscopy();
   private readonly space = new Space();
-  private readonly panel = new Panel();
+  private readonly tray = new TrayBar((instrument, device) => this.link.send(writeExchange(instrument, device)));
+  private readonly panel = new Panel((instrument) => this.tray.toggle(instrument));
   private readonly patient = new PatientMonitor();
   private readonly prices = new Prices();
   private readonly steering = new Steering(
@@ -101,6 +103,7 @@ class Page {
         this.stateMs = nowMs;
         this.space.setState(message);
         this.panel.setState(message);
+        this.tray.setState(message);
         break;
       case "picture":
         if (message.lateral) {
@@ -137,6 +140,13 @@ class Page {
         this.fluoroscopy.setReadings(message, this.viewer?.contrast === true);
         this.injector.take(message.values, !this.replay.shown);
         break;
+      case "tray":
+        this.tray.setTray(message);
+        break;
+      case "devices":
+        this.tray.take(message);
+        this.panel.setDevices(message, this.tray.products, this.tray.enabled);
+        break;
       case "patient":
         this.patient.take(message);
         break;
@@ -172,6 +182,7 @@ class Page {
     this.pictures = 0;
     this.fluoroscopy.clear();
     this.injector.take({}, false);
+    this.tray.clear();
     this.panel.clear();
     this.patient.clear();
     this.examination.set(this.cases.examines, performance.now());
@@ -184,6 +195,7 @@ class Page {
     this.space.setScene(scene);
     if (another) this.prices.setScene(scene);
     this.panel.setScene(scene);
+    this.tray.setScene(scene);
     this.patient.setScene(scene);
     this.examination.setScene(scene);
     this.steering.setInstruments(scene.instruments.length);
@@ -229,6 +241,8 @@ class Page {
     this.panel.refresh(this.viewer, this.readings, this.fresh(), nowMs);
     this.patient.refresh(this.fresh());
     this.examination.refresh(this.readings, this.state, nowMs);
+    this.tray.enabled = this.viewer !== null && !this.replay.shown;
+    this.tray.refresh();
     const [level, text, notice] = this.session(nowMs);
     const shown = element<HTMLElement>("#state");
     setData(shown, "level", level);

@@ -1,7 +1,7 @@
 // Panel of figures: instruments and wall force, and the developer part with solver and programs.
 
 import { element, setData, setText, short, signed } from "./dom.js";
-import { type Health, type Readings, type Scene, STATUS, type Viewer, type WireState } from "./frames.js";
+import { type Devices, type Health, type Readings, type Scene, STATUS, type Viewer, type WireState } from "./frames.js";
 import { type Figure, History } from "./history.js";
 
 const OLD_MS = 2500; // health comes once a second
@@ -33,7 +33,7 @@ export class Panel {
   private readonly problem = element<HTMLElement>("#problem");
   private readonly solver = element<HTMLElement>("#solver");
   private readonly processes = new Map<string, { health: Health; heardMs: number }>();
-  private rows: { row: HTMLElement; insertion: Element; rotation: Element; note: Element }[] = [];
+  private rows: { row: HTMLElement; insertion: Element; rotation: Element; device: HTMLButtonElement; note: Element }[] = [];
   private scene: Scene | null = null;
   private residual = NONE;
   private solveUs = NONE;
@@ -43,22 +43,40 @@ export class Panel {
   private newestStatus = 0;
   replays = false; // true for a recording, in which no process counts as silent
 
+  /** `exchange`: called with the number of an instrument whose device is clicked. */
+  constructor(private readonly exchange: (instrument: number) => void) {}
+
   setScene(scene: Scene): void {
     if (this.scene?.hash === scene.hash) return;
     this.scene = scene;
-    this.rows = scene.instruments.map((instrument) => {
+    this.rows = scene.instruments.map((instrument, k) => {
       const row = document.createElement("div");
       row.className = "instrument";
       const [name, insertion, rotation, note] = ["span", "b", "b", "small"].map((tag) => document.createElement(tag)) as [
         HTMLElement, HTMLElement, HTMLElement, HTMLElement,
       ];
       name.textContent = instrument.name;
-      row.append(name, insertion, rotation, note);
-      return { row, insertion, rotation, note };
+      const device = document.createElement("button");
+      device.type = "button";
+      device.hidden = true;
+      device.addEventListener("click", () => this.exchange(k));
+      row.append(name, insertion, rotation, device, note);
+      return { row, insertion, rotation, device, note };
     });
     this.instruments.replaceChildren(...this.rows.map(({ row }) => row));
     this.histories.clear();
     for (const place of ["#histories", "#solver-histories"]) element(place).replaceChildren();
+  }
+
+  /** `products`: names of the devices for people. `tray`: they can be exchanged now. */
+  setDevices(devices: Devices, products: Map<string, string>, tray: boolean): void {
+    for (const [k, { device }] of this.rows.entries()) {
+      const now = devices.devices[k] ?? "";
+      setText(device, now === "" ? "Exchange …" : (products.get(now) ?? now));
+      device.title = tray ? "exchange for another device" : "device";
+      device.hidden = !tray && now === "";
+      device.disabled = !tray;
+    }
   }
 
   /** Discards the data of the last run. */
