@@ -1,15 +1,23 @@
 // Settings of the X-ray system and orders to the power injector for Python.
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <iterator>
 #include <string>
 
 #include "host/python/module.h"
+#include "host/support/nearest_name.h"
 
 namespace py = pybind11;
 using torquer::python::Represent;
 
 namespace {
+
+template <std::size_t kCount>
+std::string DidYouMean(const std::string& given, const char* const (&known)[kCount]) {
+  const std::string near = torquer::NearestName(given, {std::begin(known), std::end(known)});
+  return near.empty() ? "" : "did you mean " + near + "? ";
+}
 
 // Python's names of the modes, in the order of the enumerators.
 constexpr const char* kModes[] = {"as_scene", "plain", "subtraction", "roadmap"};
@@ -19,7 +27,8 @@ torquer::Imaging::Mode ModeOf(const std::string& name) {
   if (found != std::end(kModes)) {
     return static_cast<torquer::Imaging::Mode>(found - std::begin(kModes));
   }
-  throw torquer::Error("mode is '" + name + "'; give as_scene, plain, subtraction or roadmap");
+  throw torquer::Error("mode is '" + name + "'; " + DidYouMean(name, kModes) +
+                       "give as_scene, plain, subtraction or roadmap");
 }
 
 py::tuple PlaceOf(const torquer::Wedge& wedge) {
@@ -34,7 +43,8 @@ torquer::Injector::Order OrderOf(const std::string& name) {
   if (found != std::end(kOrders)) {
     return static_cast<torquer::Injector::Order>(found - std::begin(kOrders));
   }
-  throw torquer::Error("order is '" + name + "'; give off, arm or inject");
+  throw torquer::Error("order is '" + name + "'; " + DidYouMean(name, kOrders) +
+                       "give off, arm or inject");
 }
 
 void AddInjector(py::module_& module) {

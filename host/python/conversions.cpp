@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/python/module.h"
+#include "host/support/nearest_name.h"
 #include "host/support/unit_of_name.h"
 
 namespace py = pybind11;
@@ -63,6 +64,8 @@ void AddUnits(py::module_& module) {
       "Unit of a reading, or of a field of a state, by its name: 'mN' for 'wall_force_sum_mN'; "
       "'1': "
       "no unit.");
+  module.def("nearest_name", &NearestName, py::arg("given"), py::arg("known"),
+             "Known name that `given` most likely meant; '' if none is near.");
 }
 
 }  // namespace torquer::python

@@ -92,11 +92,11 @@ def test_single_and_vector_refuse_the_same_steps():
 def test_single_and_vector_refuse_unknown_options():
     env = torquer.envs.make("ty_phantom")
     many = torquer.envs.make_vec("ty_phantom", 2)
-    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad, target"):
+    with pytest.raises(torquer.Error, match="'rotation'; did you mean rotation_rad. give only rotation_rad, target"):
         env.reset(options={"rotation": 1.0})
     with pytest.raises(torquer.Error, match="'reset_mask'; give only rotation_rad, target"):
         env.reset(options={"reset_mask": np.array([True])})
-    with pytest.raises(torquer.Error, match="'rotation'; give only rotation_rad, target, reset_mask"):
+    with pytest.raises(torquer.Error, match="'rotation'; did you mean rotation_rad. give only rotation_rad, target, reset_mask"):
         many.reset(options={"rotation": 1.0})
     with pytest.raises(torquer.Error, match="without reset_mask first"):
         many.reset(options={"reset_mask": np.array([True, False])})

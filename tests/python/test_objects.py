@@ -86,7 +86,7 @@ def test_devices_are_those_of_scenes(phantom):
         one = phantom.with_values({"instrument.guidewire.radius_mm": None, "instrument.guidewire.device": name}).instruments[0]
         assert one.tip_radius_mm == np.atleast_1d(device.instrument["radius_mm"])[0], name
         assert one.inner_radius_mm == device.instrument.get("inner_radius_mm", 0)
-    with pytest.raises(torquer.Error, match="no device 'sion_red'; there are: amplatz, .*sion_blue"):
+    with pytest.raises(torquer.Error, match="no device 'sion_red'; did you mean sion. there are: amplatz, .*sion_blue"):
         torquer.device("sion_red")
 
 

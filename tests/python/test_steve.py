@@ -251,7 +251,7 @@ def test_an_environment_keeps_the_conditions_of_gymnasium(name, realistic):
 
 
 def test_an_unknown_task_is_refused():
-    with pytest.raises(torquer.Error, match="there is no task 'Basic' of stEVE_bench; there are: BasicWireNav, "):
+    with pytest.raises(torquer.Error, match="there is no task 'Basic' of stEVE_bench; did you mean BasicWireNav. there are: BasicWireNav, "):
         steve.SteveEnv("Basic")
     with pytest.raises(torquer.Error, match="there are: BasicWireNav, "):
         steve.task("Basic")

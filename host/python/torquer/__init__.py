@@ -32,6 +32,7 @@ from ._torquer import (
     unit_of,
 )
 from ._devices import Device, device, device_names, shipped
+from ._names import did_you_mean as _did_you_mean
 from .states import States, read_states
 
 __all__ = [
@@ -66,8 +67,9 @@ def scene_names() -> list[str]:
 
 def scene_path(name: str) -> str:
     """Path of a scene that Torquer ships."""
-    if name not in scene_names():
-        raise Error(f"there is no scene {name!r}; there are: {', '.join(scene_names())}")
+    names = scene_names()
+    if name not in names:
+        raise Error(f"there is no scene {name!r}; {_did_you_mean(name, names)}there are: {', '.join(names)}")
     return str(shipped("scenes") / f"{name}.toml")
 
 

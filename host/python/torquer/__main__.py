@@ -6,6 +6,7 @@ import sys
 from typing import Any
 
 from . import Error, __version__, _command, baselines, benchmark, centerlines, envs, export, guide3d, steve
+from ._names import did_you_mean
 
 
 def _add_baselines(commands: Any) -> None:
@@ -86,7 +87,8 @@ def main() -> int:
         if arguments.command == "benchmark":
             for name in arguments.tasks:
                 if name not in envs.TASKS:
-                    raise Error(f"there is no task {name!r}; there are: {', '.join(envs.TASKS)}")
+                    near = did_you_mean(name, envs.TASKS)
+                    raise Error(f"there is no task {name!r}; {near}there are: {', '.join(envs.TASKS)}")
             result = benchmark.run(arguments.tasks)
             print(benchmark.as_json(result) if arguments.json else benchmark.as_table(result))
             return 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import difflib
 import hashlib
 import itertools
 import json
@@ -15,6 +14,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tupl
 import numpy as np
 
 from . import Error, Scene, __build__, _command, scene_names, scene_path
+from ._names import did_you_mean
 from ._user_file import parse_toml, read_text, read_toml
 
 SHAPES = ("last", "rows", "none")
@@ -68,9 +68,7 @@ class Study:
 def _refuse_others(where: str, table: Dict[str, Any], known: Sequence[str]) -> None:
     for key in table:
         if key not in known:
-            near = difflib.get_close_matches(key, known, 1)
-            hint = f"did you mean {near[0]}? " if near else ""
-            raise Error(f"{where}: there is no key {key}; {hint}there are: {', '.join(known)}")
+            raise Error(f"{where}: there is no key {key}; {did_you_mean(key, known)}there are: {', '.join(known)}")
 
 
 def _is_number(value: Any) -> bool:
@@ -214,10 +212,10 @@ def read_study(path: str) -> Study:
 
     shapes = table.get("shapes", "last")
     if shapes not in SHAPES:
-        raise Error(f"{file}: shapes is {shapes!r}; give one of {', '.join(SHAPES)}")
+        raise Error(f"{file}: shapes is {shapes!r}; {did_you_mean(shapes, SHAPES)}give one of {', '.join(SHAPES)}")
     plots = table.get("plots", "valid")
     if plots not in PLOTS:
-        raise Error(f"{file}: plots is {plots!r}; give one of {', '.join(PLOTS)}")
+        raise Error(f"{file}: plots is {plots!r}; {did_you_mean(plots, PLOTS)}give one of {', '.join(PLOTS)}")
     study = Study(file, scenes, axes, random, seeds, motions, shapes, plots)
     if study.count() > _MOST_CASES:
         raise Error(f"{file}: the study has {study.count()} cases, but at most {_MOST_CASES} are allowed; vary fewer values")
@@ -294,7 +292,8 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
         if not column:
             raise Error(f"{path}:{lines[0][0]}: column {place} has no name; name it or remove it (in R: row.names = FALSE)")
         if column not in known or columns.count(column) > 1:
-            raise Error(f"{path}:{lines[0][0]}: column {column!r} is unknown or given twice; known columns: {', '.join(known)}")
+            near = "" if column in known else did_you_mean(column, known)
+            raise Error(f"{path}:{lines[0][0]}: column {column!r} is unknown or given twice; {near}known columns: {', '.join(known)}")
     if "time_s" not in columns:
         raise Error(f"{path}:{lines[0][0]}: there is no column time_s; a script needs one")
     read: List[Tuple[float, ...]] = []

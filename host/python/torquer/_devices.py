@@ -7,6 +7,7 @@ import pathlib
 import tomllib
 from typing import Any, Dict, List
 
+from ._names import did_you_mean
 from ._torquer import Error
 
 
@@ -45,7 +46,8 @@ def device_names() -> List[str]:
 
 def device(name: str) -> Device:
     """A device that Torquer ships."""
-    if name not in device_names():
-        raise Error(f"there is no device {name!r}; there are: {', '.join(device_names())}")
+    names = device_names()
+    if name not in names:
+        raise Error(f"there is no device {name!r}; {did_you_mean(name, names)}there are: {', '.join(names)}")
     table = tomllib.loads((shipped("devices") / f"{name}.toml").read_text(encoding="utf-8"))
     return Device(name, table["kind"], table["product"], table["assumed"].strip(), table["instrument"], table["source"])

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation
+from ._names import did_you_mean, first_unknown
 from ._spaces import Box, DictSpace
 from ._torquer import FACTS, Navigation, NavigationTask
 from ._tracking import Tracker
@@ -89,7 +90,8 @@ def parts_of(observation: Observation) -> Tuple[str, ...]:
     """Names of the parts of an observation."""
     parts = (observation,) if isinstance(observation, str) else tuple(observation)
     if not parts or len(set(parts)) < len(parts) or any(part not in OBSERVATIONS for part in parts):
-        raise Error(f"observation is {observation!r}; give 'vector', 'picture' or 'tracking', or some of them as a tuple for a dict")
+        near = did_you_mean(first_unknown(parts, OBSERVATIONS), OBSERVATIONS)
+        raise Error(f"observation is {observation!r}; {near}give 'vector', 'picture' or 'tracking', or some of them as a tuple for a dict")
     return parts
 
 
@@ -129,8 +131,11 @@ class Targets:
         for name, low, high in self.ranges:
             if isinstance(given, (tuple, list)) and len(given) == 2 and given[0] == name and low <= given[1] <= high:
                 return name, float(given[1])
+        names = [name for name, _, _ in self.ranges]
         known = ", ".join(f"({name!r}, {low:g})" if low == high else f"({name!r}, {low:g} to {high:g})" for name, low, high in self.ranges)
-        raise Error(f"target is {given!r}; give a centerline and at_mm of the task's targets: {known}")
+        name = given[0] if isinstance(given, (tuple, list)) and given else given
+        near = did_you_mean(first_unknown([name], names), names)
+        raise Error(f"target is {given!r}; {near}give a centerline and at_mm of the task's targets: {known}")
 
 
 class Prepared:
@@ -225,7 +230,7 @@ def check_options(options: Optional[Dict[str, Any]], known: Sequence[str]) -> Di
         raise Error(f"options are {options!r}; give a dict, as {{'rotation_rad': 0.5}}")
     for name in options:
         if name not in known:
-            raise Error(f"options have {name!r}; give only {', '.join(known)}")
+            raise Error(f"options have {name!r}; {did_you_mean(name, known)}give only {', '.join(known)}")
     return options
 
 
@@ -269,7 +274,7 @@ TASKS: Dict[str, Task] = {
 
 def task_of(name: str, task: Optional[Task]) -> Task:
     if name not in TASKS:
-        raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}")
+        raise Error(f"there is no task {name!r}; {did_you_mean(name, TASKS)}there are: {', '.join(TASKS)}")
     return TASKS[name] if task is None else task
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, scene_path
+from ._names import did_you_mean
 from ._navigation import (
     FIRST_OF_INFO,
     INFO,
@@ -72,7 +73,8 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             threads = whole("threads", threads, 1, 1024)
         if task is None:
             if name not in TASKS:
-                raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}; or give a task")
+                near = did_you_mean(name, TASKS)
+                raise Error(f"there is no task {name!r}; {near}there are: {', '.join(TASKS)}; or give a task")
             task = TASKS[str(name)]
             name = scene_path(str(name))
         prepared = Prepared(name, task, observation, False)

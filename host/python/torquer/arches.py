@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene
+from ._names import did_you_mean, first_unknown
 from ._navigation import End, Observation, Reward, Task
 from .envs import NavigationEnv
 
@@ -131,7 +132,8 @@ def _numbers(values: Any) -> str:
 
 def _check(types: Sequence[str]) -> None:
     if isinstance(types, str) or not types or any(kind not in TYPES for kind in types):
-        raise Error(f"types are {types!r}; give a list with some of {', '.join(TYPES)}")
+        near = "" if isinstance(types, str) else did_you_mean(first_unknown(types, TYPES), TYPES)
+        raise Error(f"types are {types!r}; {near}give a list with some of {', '.join(TYPES)}")
 
 
 def _generator(seed: Any) -> np.random.Generator:

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation, scene_path
+from ._names import did_you_mean
 from ._navigation import (
     TASKS as TASKS,
     End,
@@ -94,7 +95,8 @@ class NavigationEnv(Env):  # type: ignore[misc]
         end: Optional[End] = None,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
-            raise Error(f"render_mode is {render_mode!r}; give None, 'rgb_array' or 'human'")
+            near = did_you_mean(render_mode, RENDER_MODES)
+            raise Error(f"render_mode is {render_mode!r}; {near}give None, 'rgb_array' or 'human'")
         self._draw_scene = scene if callable(scene) else None
         first = scene(np.random.default_rng(0)) if callable(scene) else scene
         prepared = Prepared(first, task, observation, render_mode is not None)
@@ -242,7 +244,8 @@ def make(
     end: Optional[End] = None,
 ) -> NavigationEnv:
     """Environment of a task in TASKS, or of another task in the same scene."""
-    return NavigationEnv(scene_path(name), task_of(name, task), observation, render_mode, reward, end)
+    given = task_of(name, task)
+    return NavigationEnv(scene_path(name), given, observation, render_mode, reward, end)
 
 
 def make_vec(
@@ -259,7 +262,8 @@ def make_vec(
     """VectorEnv of a task in TASKS, or of another task in the same scene."""
     if render_mode is not None:
         raise Error(f"render_mode is {render_mode!r}, but a vector of environments renders nothing; leave it out")
-    return VectorEnv(scene_path(name), num_envs, threads, observation, task_of(name, task), copy, reward, end)
+    given = task_of(name, task)
+    return VectorEnv(scene_path(name), num_envs, threads, observation, given, copy, reward, end)
 
 
 def register() -> None:

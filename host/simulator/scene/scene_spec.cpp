@@ -7,7 +7,6 @@
 #include <cctype>
 #include <filesystem>
 #include <fstream>
-#include <set>
 #include <sstream>
 #include <system_error>
 
@@ -325,13 +324,15 @@ std::string ScenePath(const std::string& given) {
   const fs::path folder = FindInstalled("share/torquer/scenes");
   fs::path file = folder / (given + ".toml");
   if (fs::exists(file, error)) return file.string();
-  std::set<std::string> names;
+  std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().extension() == ".toml") names.insert(entry.path().stem().string());
+    if (entry.path().extension() == ".toml") names.push_back(entry.path().stem().string());
   }
+  std::sort(names.begin(), names.end());
+  const std::string near = NearestName(given, names);
   throw UserError(
-      fmt::format("{}: there is no such file, and no scene of that name; Torquer has: {}", given,
-                  fmt::join(names, ", ")));
+      fmt::format("{}: there is no such file, and no scene of that name; {}Torquer has: {}", given,
+                  near.empty() ? "" : "did you mean " + near + "? ", fmt::join(names, ", ")));
 }
 
 SceneSpec ReadScene(const std::string& given) {

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import Error, Scene, Simulation
+from .._names import did_you_mean
 from .._polyline import to_nearest
 from ..validate.fit import with_name
 from .measured import TIPS, Row, Table
@@ -53,7 +54,8 @@ def _value(scene: Scene, key: str) -> Any:
     if parts[0] == "instrument" and len(parts) > 2 and isinstance(table.get("instrument"), list):
         named = [one.name for one in scene.instruments]
         if parts[1] not in named:
-            raise Error(f"{scene.path}: there is no instrument {parts[1]!r}; there are: {', '.join(named)}")
+            near = did_you_mean(parts[1], named)
+            raise Error(f"{scene.path}: there is no instrument {parts[1]!r}; {near}there are: {', '.join(named)}")
         table, parts = table["instrument"][named.index(parts[1])], parts[2:]
     for part in parts:
         if not isinstance(table, dict) or part not in table:
@@ -153,7 +155,8 @@ class Experiment:
         known = [*TIPS, *(f"{one.name}.{axis}" for one in self.scene.instruments for axis in TIPS), *simulation.readings()]
         for name in self.table.columns:
             if name not in known:
-                raise Error(f"{self.table.path}:1: the scene has no reading {name[:60]!r}; it has {', '.join(known)[:600]}")
+                near = did_you_mean(name[:60], known)
+                raise Error(f"{self.table.path}:1: the scene has no reading {name[:60]!r}; {near}it has {', '.join(known)[:600]}")
 
 
 def _predicted(simulation: Simulation, name: str, path: str, line: int) -> float:
