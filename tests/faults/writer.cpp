@@ -115,6 +115,13 @@ const Inputs& SharedInputs() {
 
 std::string In(const std::string& name) { return SharedInputs().scene.Beside(name); }
 
+// True if the archive begins and ends as a ZIP without a comment.
+bool IsWholeZip(const std::string& text) {
+  constexpr std::size_t kEndBytes = 22;
+  return text.size() > kEndBytes && text.starts_with("PK\x03\x04") &&
+         text.compare(text.size() - kEndBytes, 4, "PK\x05\x06") == 0;
+}
+
 bool IsTemporary(const std::string& name) {
   const std::string file = fs::path(name).filename();
   return file.starts_with(".torquer-") ||
@@ -187,6 +194,11 @@ const std::vector<Writer>& Writers() {
        .stays = true,
        .ready = "http://",
        .whole = [](const std::string& text) { return text.size() == 32; }},
+      {.name = "torquer train",
+       .words = {"/usr/bin/env", "PYTHONPATH=" + ProgramPath("../lib/python"), "/usr/bin/python3",
+                 "-B", SourcePath("/tests/faults/short_training.py"), "@/policy.npz"},
+       .refuses_existing = true,
+       .whole = IsWholeZip},
       // The next run judges its claims: it must be able to use the existing file.
       {.name = "torquer-daemon with its last position",
        .words = {"/usr/bin/env", "XDG_RUNTIME_DIR=@", ProgramPath("torquer-daemon"), "--source",

@@ -23,6 +23,8 @@ struct Writer {
   std::size_t outputs = 1;  ///< minimum number of files that it writes
   /// True if it can run without these files: its status is then 0, and it reports the failure.
   bool does_without = false;
+  /// True if it refuses to replace an existing output: its status is then 2.
+  bool refuses_existing = false;
   /// True if it runs until a signal; it writes its files at once.
   bool stays = false;
   /// Text that it prints when it is ready; "" if there is none.

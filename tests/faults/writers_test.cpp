@@ -50,9 +50,11 @@ void CheckEveryStep(const Writer& writer) {
       }
       if (error == 0) {
         CHECK(run.status == 128 + SIGKILL);
+        const bool refuses = writer.refuses_existing && AllWhole(writer, files, reference);
         const WriterRun next = bench.With({});
         INFO("the next run: " << next.said);
-        CHECK(next.status == 0);
+        CHECK(next.status == (refuses ? 2 : 0));
+        if (refuses) CHECK_THAT(next.said, Catch::Contains("exists already"));
         CHECK(AllWhole(writer, bench.Files(), reference));
         continue;
       }

@@ -1,8 +1,10 @@
 """Policies for the tasks of stEVE_bench: training, files and evaluation."""
 
 import dataclasses
+import errno
 import json
 import math
+import os
 import subprocess
 import sys
 
@@ -82,12 +84,39 @@ def test_a_file_that_is_no_policy_is_refused(tmp_path):
         baselines.load(str(tmp_path / "missing.npz"))
 
 
-def test_a_policy_that_cannot_be_written_leaves_nothing(tmp_path):
+def failing(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_policy_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     policy = baselines.Policy("BasicWireNav", False, 1, [np.zeros((2, 2)), np.zeros(2)], np.zeros((1, 4)))
-    (tmp_path / "a.npz").mkdir()
-    with pytest.raises(torquer.Error, match="a.npz: cannot be written .*; check the disk and permissions"):
+    with pytest.raises(torquer.Error, match="a.npz: there is no folder .*none; make it first"):
+        policy.save(str(tmp_path / "none" / "a.npz"))
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(torquer.Error, match="a.npz: cannot be written .No space left.*; check the disk and permissions"):
         policy.save(str(tmp_path / "a.npz"))
-    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_file_of_a_user_is_replaced(short, tmp_path, monkeypatch):
+    """A file of the name of the policy, which was there before or came during the training, and one beside it."""
+    beside, path = tmp_path / "a.npz.part", tmp_path / "a.npz"
+    beside.write_text("of the user")
+    trained(path)
+    with pytest.raises(torquer.Error, match="a.npz: exists already; move it away, or give another name"):
+        trained(path)
+    with pytest.raises(torquer.Error, match="a.npz: exists already"):
+        baselines.load(str(path)).save(str(path))
+
+    def updates(name, realistic, seed):
+        (tmp_path / "b.npz").write_text("of the user")
+        yield 0, 0, [np.zeros((2, 2)), np.zeros(2)]
+
+    monkeypatch.setattr(baselines, "_updates", updates)
+    with pytest.raises(torquer.Error, match="b.npz: exists already"):
+        baselines.train("BasicWireNav", str(tmp_path / "b.npz"), False, 1, 1)
+    assert beside.read_text() == (tmp_path / "b.npz").read_text() == "of the user"
+    assert baselines.load(str(path)).seed == 1
 
 
 def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):

@@ -9,13 +9,16 @@ file.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
 import json
 import os
 import pathlib
+import secrets
 import time
 import zipfile
-from typing import Any, Callable, Dict, List, Optional, TextIO, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional, TextIO, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -71,19 +74,39 @@ class Policy:
         return out
 
     def save(self, path: str) -> None:
-        """Writes the policy as .npz."""
+        """Writes the policy as a new file, .npz. An existing file is refused."""
+        refuse_existing(path)
+        self._write(path)
+
+    def _write(self, path: str) -> None:
+        """Writes or replaces a file, which is the old one or complete at any time."""
         about = {"build": __build__, "task": self.task, "realistic": self.realistic, "seed": self.seed}
         arrays = {f"weight_{k}": value for k, value in enumerate(self.weights)}
-        part = path + ".part"
+        data = io.BytesIO()
+        np.savez_compressed(data, about=np.array(json.dumps(about)), curve=self.curve, **arrays)
+        temporary = pathlib.Path(path).with_name(f".torquer-{secrets.token_hex(8)}")
         try:
-            with open(part, "wb") as file:
-                np.savez_compressed(file, about=np.array(json.dumps(about)), curve=self.curve, **arrays)
-                file.flush()
+            with open(temporary, "xb", buffering=0) as file:
+                left = data.getbuffer()
+                while left:
+                    left = left[file.write(left) :]
                 os.fsync(file.fileno())
-            os.replace(part, path)
-        except OSError as error:
-            pathlib.Path(part).unlink(missing_ok=True)
+            os.replace(temporary, path)
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+            if not isinstance(error, OSError):
+                raise
             raise Error(f"{path}: cannot be written ({error.strerror}); check the disk and permissions") from None
+
+
+def refuse_existing(path: str) -> None:
+    """Refuses a path that exists, or whose folder does not."""
+    if os.path.lexists(path):
+        raise Error(f"{path}: exists already; move it away, or give another name")
+    folder = pathlib.Path(path).absolute().parent
+    if not folder.is_dir():
+        raise Error(f"{path}: there is no folder {folder}; make it first")
 
 
 def load(path: str) -> Policy:
@@ -128,13 +151,35 @@ class _Many:
 
 
 def train(name: str, path: str, realistic: bool, steps: int, seed: int, out: Optional[TextIO] = None) -> Policy:
-    """Trains a policy for a task and saves it, now and then and at the end. steps: of all environments; rounded up to
-    whole updates of 2048."""
+    """Trains a policy for a task and saves it as a new file, now and then and at the end. steps: of all environments;
+    rounded up to whole updates of 2048."""
     steve.task(name)
     whole("steps", steps, 1, 10**9)
     whole("seed", seed, 1, 50_000)
-    if not pathlib.Path(path).absolute().parent.is_dir():
-        raise Error(f"{path}: there is no folder {pathlib.Path(path).absolute().parent}; make it first")
+    refuse_existing(path)
+    curve: List[Tuple[float, ...]] = []
+    saved = False
+    began = time.monotonic()
+    for episodes, reached, weights in _updates(name, realistic, seed):
+        curve.append(((len(curve) + 1) * _COUNT * _LENGTH, episodes, reached, time.monotonic() - began))
+        if out is not None:
+            print(f"{curve[-1][0]:8.0f} steps: {reached} of {episodes} episodes reached the target", file=out, flush=True)
+        ends = curve[-1][0] >= steps
+        if len(curve) % _SAVED == 0 or ends:
+            policy = Policy(name, realistic, seed, weights, np.array(curve))
+            if saved:
+                policy._write(path)
+            else:
+                policy.save(path)
+            saved = True
+        if ends:
+            break
+    return policy
+
+
+def _updates(name: str, realistic: bool, seed: int) -> Iterator[Tuple[int, int, List[Array]]]:
+    """Trains without end. Yields after each update the numbers of episodes that ended, and of those at the target, and
+    the weights of the policy."""
     torch = need("torquer train", "torch", "python3-torch")
     ppo = need("torquer train", "torquer.examples.train_ppo", "python3-matplotlib")
     torch.manual_seed(seed)
@@ -144,18 +189,9 @@ def train(name: str, path: str, realistic: bool, steps: int, seed: int, out: Opt
     with torch.no_grad():
         policy.mean[-1].bias[::2] = 0.5  # pushes at half speed at first, or it would stay near the entry
     adam = ppo.optimizer(policy)
-    curve: List[Tuple[float, ...]] = []
-    began = time.monotonic()
-    while len(curve) * _COUNT * _LENGTH < steps:
+    while True:
         episodes, reached = _update(torch, ppo, many, policy, adam)
-        curve.append(((len(curve) + 1) * _COUNT * _LENGTH, episodes, reached, time.monotonic() - began))
-        if out is not None:
-            print(f"{curve[-1][0]:8.0f} steps: {reached} of {episodes} episodes reached the target", file=out, flush=True)
-        if len(curve) % _SAVED == 0 or len(curve) * _COUNT * _LENGTH >= steps:
-            weights = [value.detach().numpy().copy() for value in policy.mean.parameters()]
-            trained = Policy(name, realistic, seed, weights, np.array(curve))
-            trained.save(path)
-    return trained
+        yield episodes, reached, [value.detach().numpy().copy() for value in policy.mean.parameters()]
 
 
 def _update(torch: Any, ppo: Any, many: _Many, policy: Any, adam: Any) -> Tuple[int, int]:
