@@ -44,7 +44,8 @@ void Simulation::Exchange(const std::string& instrument, const std::string& devi
     return Scene(std::make_shared<const Scene::Impl>(all.lent->WithDevice(k, device), false));
   });
   auto lent = next.impl_->Lend();
-  auto built = std::make_unique<simulator::Simulation>(*lent, *all.simulation, k);
+  auto built =
+      Guarded([&] { return std::make_unique<simulator::Simulation>(*lent, *all.simulation, k); });
   all.ContinueIn(next, std::move(lent), std::move(built));
   all.past.AddExchange(k, device, next.content_hash());
 }

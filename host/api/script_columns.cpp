@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "host/api/control_columns.h"
 #include "host/simulator/command_limits.h"
 #include "host/simulator/scene/device_library.h"
 #include "host/simulator/simulation.h"
@@ -27,67 +28,56 @@ ScriptColumns::ScriptColumns(const CsvTable& table, std::string scene,
 void ScriptColumns::TakeColumn(std::size_t index) {
   constexpr double kAny = 1e300;
   const std::string& name = table_.columns[index];
-  std::vector<std::string> known = {"time_s",        "lao_deg",        "cra_deg",
-                                    "xray",          "contrast",       "table_left_mm",
-                                    "table_head_mm", "table_height_mm"};
-  using Row = Command&;
-  const auto add = [&](std::size_t instrument, double lowest, double highest, bool whole,
-                       auto take) {
-    columns_.push_back({index, instrument, lowest, highest, whole, take});
+  std::vector<std::string> known = {"time_s"};
+  const auto add = [&](std::size_t instrument, double lowest, double highest, auto take) {
+    columns_.push_back({index, instrument, lowest, highest, take});
   };
   if (name == "time_s") {
-    return add(0, -kAny, kAny, false, [](std::size_t, double v, Row row) { row.time_s = v; });
+    return add(0, -kAny, kAny, [](std::size_t, double v, Command& row) { row.time_s = v; });
   }
-  if (name == "lao_deg") {
-    return add(0, -180, 180, false, [](std::size_t, double v, Row row) { row.lao_deg = v; });
-  }
-  if (name == "cra_deg") {
-    return add(0, -180, 180, false, [](std::size_t, double v, Row row) { row.cra_deg = v; });
-  }
-  if (name == "xray") {
-    return add(0, 0, 1, true, [](std::size_t, double v, Row row) { row.xray = v == 1; });
-  }
-  if (name == "contrast") {
-    return add(0, 0, 1, true, [](std::size_t, double v, Row row) { row.contrast = v == 1; });
-  }
-  using effects::Table;
-  const auto add_table = [&](double most, auto take) { add(0, -most, most, false, take); };
-  if (name == "table_left_mm") {
-    return add_table(Table::kMostLeftMm,
-                     [](std::size_t, double v, Row row) { row.table.left_mm = v; });
-  }
-  if (name == "table_head_mm") {
-    return add_table(Table::kMostHeadMm,
-                     [](std::size_t, double v, Row row) { row.table.head_mm = v; });
-  }
-  if (name == "table_height_mm") {
-    return add_table(Table::kMostHeightMm,
-                     [](std::size_t, double v, Row row) { row.table.height_mm = v; });
+  for (const ControlColumn& control : ControlColumns()) {
+    if (name == control.name) {
+      control_columns_.emplace_back(index, &control);
+      return;
+    }
+    known.emplace_back(control.name);
   }
   for (std::size_t k = 0; k < instruments_.size(); ++k) {
     const std::string& instrument = instruments_[k].name;
     if (name == instrument + ".insertion_mm") {
       const double start_mm = instruments_[k].start.insertion_mm;
-      return add(k, -start_mm, simulator::kPoseLimit - start_mm, false,
-                 [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
+      return add(k, -start_mm, simulator::kPoseLimit - start_mm,
+                 [](std::size_t i, double v, Command& row) { row.hands[i].insertion_mm += v; });
     }
     if (name == instrument + ".rotation_rad") {
-      return add(k, -simulator::kPoseLimit, simulator::kPoseLimit, false,
-                 [](std::size_t i, double v, Row row) { row.hands[i].rotation_rad = v; });
+      return add(k, -simulator::kPoseLimit, simulator::kPoseLimit,
+                 [](std::size_t i, double v, Command& row) { row.hands[i].rotation_rad = v; });
     }
     if (name == instrument + ".device") {
       device_columns_.push_back({index, k, ""});
       return;
     }
-    known.push_back(instrument + ".insertion_mm");
-    known.push_back(instrument + ".rotation_rad");
-    known.push_back(instrument + ".device");
+    for (const char* column : {".insertion_mm", ".rotation_rad", ".device"}) {
+      known.push_back(instrument + column);
+    }
   }
   const std::string near = NearestName(name, known);
   throw UserError(
       fmt::format("{}:{}: a script for {} cannot have the column {}; {}known columns: {}",
                   table_.path, table_.header_line, scene_, name,
                   near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
+}
+
+void ScriptColumns::ReadControls(const CsvRow& row, Command& command) const {
+  for (const auto& [index, control] : control_columns_) {
+    const std::optional<double> value = control->words.empty()
+                                            ? std::optional(table_.Number(row, index))
+                                            : control->ValueOf(row.cells[index]);
+    if (!value || !control->Allows(*value)) {
+      table_.Refuse(row, index, "; give " + control->Values());
+    }
+    control->take(*value, command);
+  }
 }
 
 void ScriptColumns::ReadDevices(const CsvRow& row, ScriptRow& out) {
@@ -116,15 +106,13 @@ ScriptRow ScriptColumns::Read(const CsvRow& row) {
   for (const Column& column : columns_) {
     const double value = table_.Number(row, column.index);
     const bool in_range = value >= column.lowest && value <= column.highest;
-    if (column.whole && value != 0 && value != 1) {
-      table_.Refuse(row, column.index, "; give 0 or 1");
-    }
     if (!in_range) {
       table_.Refuse(row, column.index,
                     fmt::format("; give {:g} to {:g}", column.lowest, column.highest));
     }
     column.take(column.instrument, value, command);
   }
+  ReadControls(row, command);
   if (before_s_ && command.time_s <= *before_s_) {
     table_.Refuse(row, *table_.Find("time_s"),
                   ", not later than the previous row; give increasing times");

@@ -4,8 +4,10 @@
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "host/api/control_columns.h"
 #include "host/api/torquer/torquer.h"
 #include "host/support/csv_table.h"
 
@@ -25,9 +27,8 @@ struct ScriptRow {
 
 /// Columns of a script by name. time_s is required and ascends. Optional columns of each instrument
 /// are NAME.insertion_mm and NAME.rotation_rad, measured from the start, and NAME.device. A device
-/// stays until a row names another one; an empty cell names none. Others are lao_deg,
-/// cra_deg, xray and contrast (0 or 1), and the table's table_left_mm, table_head_mm,
-/// table_height_mm. Errors are UserError naming file, line, value and remedy.
+/// stays until a row names another one; an empty cell names none. Others are
+/// ControlColumns(). Errors are UserError naming file, line, value and remedy.
 class ScriptColumns {
  public:
   /// Reads only the header. `scene`: the name of the instruments' scene in messages. `table` must
@@ -43,7 +44,6 @@ class ScriptColumns {
     std::size_t instrument;  // of columns of an instrument
     double lowest;
     double highest;
-    bool whole;
     void (*take)(std::size_t instrument, double value, Command& command);
   };
 
@@ -56,12 +56,14 @@ class ScriptColumns {
 
   void TakeColumn(std::size_t index);
   void ReadDevices(const CsvRow& row, ScriptRow& out);
+  void ReadControls(const CsvRow& row, Command& command) const;
 
   const CsvTable& table_;
   const std::string scene_;
   const std::vector<InstrumentInfo> instruments_;
   std::vector<Column> columns_;
   std::vector<DeviceColumn> device_columns_;
+  std::vector<std::pair<std::size_t, const ControlColumn*>> control_columns_;
   std::optional<double> before_s_;
 };
 

@@ -89,7 +89,8 @@ Simulation::Impl::Impl(const Impl& other)
   rows.CopyFrom(other.rows);
 }
 
-Simulation::Simulation(const Scene& scene) : impl_(std::make_unique<Impl>(scene)) {}
+Simulation::Simulation(const Scene& scene)
+    : impl_(Guarded([&] { return std::make_unique<Impl>(scene); })) {}
 
 Simulation::Impl& Simulation::impl() const {
   if (impl_ == nullptr) {

@@ -318,3 +318,20 @@ TEST_CASE("An exchange and derivatives exclude each other", "[api]") {
   simulation.TrackSensitivities({"instrument.wire.radius_mm"});
   CHECK(simulation.sensitivities().size() == 1);
 }
+
+TEST_CASE("A comparison with longer segments refuses a tip that they cannot follow, as an Error") {
+  const auto scene = [](const std::string& device) {
+    return Scene::FromText(
+        "name = \"bent\"\n[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 0.05\n"
+        "[entry]\ncenterline = \"main\"\nat_mm = 1\n[relaxation]\nsegment_mm = 3\n"
+        "[[instrument]]\nname = \"wire\"\nmax_length_mm = 200\ndevice = \"" +
+            device + "\"\n[effects.segment_error]\n",
+        ".", "bent.toml");
+  };
+  CHECK_THROWS_AS(Simulation(scene("j_wire_035")), torquer::Error);
+  Simulation simulation(scene("sion"));
+  const std::uint64_t before = simulation.state_hash();
+  CHECK_THROWS_AS(simulation.Exchange("wire", "j_wire_035"), torquer::Error);
+  CHECK(simulation.state_hash() == before);
+  CHECK_NOTHROW(simulation.Exchange("wire", "samurai"));
+}

@@ -198,7 +198,8 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
   // The message lists the existing columns, or the nearest one.
   refuse("balloon.insertion_mm",
          {"time_s, lao_deg, cra_deg, xray, contrast, table_left_mm, table_head_mm, "
-          "table_height_mm, guidewire.insertion_mm, guidewire.rotation_rad, "
+          "table_height_mm, imaging_mode, pulses_per_s, magnification, shutter_left, ",
+          "injector_rise_s, guidewire.insertion_mm, guidewire.rotation_rad, "
           "guidewire.device, microcatheter.insertion_mm, microcatheter.rotation_rad, "
           "microcatheter.device"});
   refuse("guidwire.insertion_mm", {"did you mean guidewire.insertion_mm?"});

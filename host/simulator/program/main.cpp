@@ -133,10 +133,9 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("Simulation of a script, without a bus");
   options.Text("--script", "FILE", arguments.script,
                "CSV file of commands; the column time_s is required; optional columns are "
-               "NAME.insertion_mm, NAME.rotation_rad and NAME.device per instrument, lao_deg, "
-               "cra_deg, xray, "
-               "contrast, table_left_mm, table_head_mm, table_height_mm; -: read rows from "
-               "standard input and execute each at once",
+               "NAME.insertion_mm, NAME.rotation_rad and NAME.device per instrument, and those of "
+               "the C-arm, X-ray, table and injections; -: read rows from standard input and "
+               "execute each at once",
                ValueKind::kFile);
   options.Text("--states", "FILE", arguments.outputs.states,
                "write one state per row of the script, as JSON lines, or as binary if FILE ends in "
