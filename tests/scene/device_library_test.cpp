@@ -125,6 +125,21 @@ TEST_CASE("An instrument has the values of its device, except those in the scene
   CHECK(Scene(plain).content_hash() != Scene(other).content_hash());
 }
 
+TEST_CASE("A scene cannot bend the tip of a device that is bent already", "[scene]") {
+  const auto scene = [](const std::string& more) {
+    return torquer::test::SceneText(
+        "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\n"
+        "device = \"diagnostic_5f_cobra_2\"\n" +
+        more);
+  };
+  CHECK_THAT(LibraryRefusal(scene("tip_mm = 10\ntip_angle_deg = 30\n")),
+             Contains("instrument[1].tip_angle_deg = 30") &&
+                 Contains("which the device diagnostic_5f_cobra_2 bends too"));
+  const SceneSpec straight = ParseScene(
+      scene("tip_mm = 10\ntip_angle_deg = 30\ncurvature_1_per_mm = 0\n"), "small.toml", {});
+  CHECK(straight.instruments[1].curvature_1_per_mm == std::vector<double>{0});
+}
+
 TEST_CASE("An unknown device is refused with the known ones", "[scene]") {
   const auto scene = [](const std::string& device) {
     return torquer::test::SceneText(

@@ -63,10 +63,16 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
   if (spec.tip_angle_deg > 0 && spec.tip_mm == 0) {
     table.Refuse("tip_angle_deg", "needs tip_mm, the length of the bent tip");
   }
-  if (spec.tip_angle_deg > 0 && table.Has("curvature_1_per_mm")) {
-    table.Refuse(
-        "tip_angle_deg",
-        "cannot be given together with curvature_1_per_mm, which also bends the tip; keep one");
+  const std::vector<double>& bends = spec.curvature_1_per_mm;
+  const bool bent = std::any_of(bends.begin(), bends.end(), [](double one) { return one != 0; });
+  if (spec.tip_angle_deg > 0 && bent) {
+    table.Refuse("tip_angle_deg",
+                 table.Has("curvature_1_per_mm")
+                     ? "cannot be given together with curvature_1_per_mm, which also bends the "
+                       "tip; keep one"
+                     : fmt::format("bends the tip, which the device {} bends too; remove it, or "
+                                   "give curvature_1_per_mm = 0",
+                                   spec.device));
   }
   const double thinnest = *std::min_element(spec.radius_mm.begin(), spec.radius_mm.end());
   if (spec.inner_radius_mm >= thinnest) {
