@@ -1,8 +1,10 @@
 #include "host/simulator/vessel/kinds/surface.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
@@ -75,6 +77,30 @@ void RefuseWrongRadii(const Vessel& vessel, const std::string& folder) {
       folder, found->curve, found->at_mm, at.x(), at.y(), at.z(), found->radius_mm, misfit));
 }
 
+// One finding for all curves.
+void ReportStretchesOutside(Vessel& vessel) {
+  std::vector<std::pair<std::string, std::string>> curves;  // name, stretches
+  double farthest_mm = 0;
+  for (const OutsideStretch& stretch :
+       FindStretchesOutside(vessel.centerlines, vessel.surface->surface())) {
+    const std::string from = fmt::format("{:.1f}", stretch.from_mm);
+    const std::string to = fmt::format("{:.1f}", stretch.to_mm);
+    if (from == to) continue;
+    if (curves.empty() || curves.back().first != stretch.curve)
+      curves.push_back({stretch.curve, ""});
+    farthest_mm = std::max(farthest_mm, -stretch.worst_clearance_mm);
+    std::string& stretches = curves.back().second;
+    stretches += (stretches.empty() ? "" : ", ") + from + " to " + to;
+  }
+  if (curves.empty()) return;
+  std::vector<std::string> all;
+  for (const auto& [curve, stretches] : curves) all.push_back(curve + " (" + stretches + ")");
+  vessel.findings.push_back(fmt::format(
+      "{} of {} centerlines run outside the lumen in places, by up to {:.2g} mm. Places in mm of "
+      "their length: {}",
+      curves.size(), vessel.centerlines.curves().size(), farthest_mm, fmt::join(all, ", ")));
+}
+
 // vessel.contents holds the surface alone.
 void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folder, Vessel& vessel) {
   try {
@@ -86,15 +112,7 @@ void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folde
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
   }
-  for (const OutsideStretch& stretch :
-       FindStretchesOutside(vessel.centerlines, vessel.surface->surface())) {
-    const std::string from = fmt::format("{:.1f}", stretch.from_mm);
-    const std::string to = fmt::format("{:.1f}", stretch.to_mm);
-    if (from == to) continue;
-    vessel.findings.push_back(
-        fmt::format("centerline {} runs outside the lumen from {} to {} mm of its length",
-                    stretch.curve, from, to));
-  }
+  ReportStretchesOutside(vessel);
 }
 
 Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
