@@ -72,12 +72,12 @@ py::tuple PickleTask(const NavigationTask& task) {
                         ToRows(task.route));
 }
 
-std::unique_ptr<Navigation> UnpickleNavigation(const py::tuple& fields) {
-  std::unique_ptr<Navigation> made;
+std::shared_ptr<Navigation> UnpickleNavigation(const py::tuple& fields) {
+  std::shared_ptr<Navigation> made;
   py::tuple saved;
   try {
     const auto task = py::type::of<NavigationTask>()(*fields[1].cast<py::tuple>());
-    made = std::make_unique<Navigation>(fields[0].cast<Scene>(), task.cast<NavigationTask>());
+    made = std::make_shared<Navigation>(fields[0].cast<Scene>(), task.cast<NavigationTask>());
     saved = fields[2].cast<py::tuple>();
   } catch (const std::exception&) {
     throw Error("the pickled environment is damaged; pickle it again");
@@ -118,8 +118,8 @@ void AddNavigation(py::module_& module) {
            py::arg("instrument"), py::arg("within_mm"), py::arg("step_s"), py::arg("longest_mm"),
            py::arg("largest_turn_rad"), py::arg("force_limit_mN"), py::arg("max_steps"),
            py::arg("pictures"), py::arg("route"));
-  py::class_<Navigation>(module, "Navigation",
-                         "A navigation environment, with one episode after another.")
+  py::class_<Navigation, std::shared_ptr<Navigation>>(
+      module, "Navigation", "A navigation environment, with one episode after another.")
       .def(py::init<const Scene&, NavigationTask>(), py::arg("scene"), py::arg("task"), NoGil())
       .def(
           "reset",
@@ -142,7 +142,7 @@ void AddNavigation(py::module_& module) {
       .def(
           "__deepcopy__",
           [](const Navigation& self, const py::object& /*memo*/) {
-            return std::make_unique<Navigation>(self);
+            return std::make_shared<Navigation>(self);
           },
           py::arg("memo"))
       .def(
@@ -194,21 +194,21 @@ void AddNavigation(py::module_& module) {
       .def(
           "save",
           [](NavigationPool& self, std::size_t index) {
-            return ToTuple(self.environment(index).Save());
+            return ToTuple(self.environment(index)->Save());
           },
           py::arg("index"))
       .def(
           "load",
           [](NavigationPool& self, std::size_t index, const py::tuple& saved) {
-            LoadInto(self.environment(index), saved);
+            LoadInto(*self.environment(index), saved);
           },
           py::arg("index"), py::arg("saved"))
       .def(
-          "simulation",
-          [](NavigationPool& self, std::size_t index) -> Simulation& {
-            return self.environment(index).simulation();
-          },
-          py::arg("index"), py::return_value_policy::reference_internal)
+          "environment",
+          [](NavigationPool& self, std::size_t index) { return self.environment(index); },
+          py::arg("index"))
+      .def("exchange", &NavigationPool::Exchange, py::arg("index"), py::arg("next"))
+      .def("require_own_process", &NavigationPool::RequireOwnProcess)
       .def(
           "step",
           [](NavigationPool& self, const Indices& indices, const Actions& actions) {

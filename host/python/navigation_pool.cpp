@@ -10,7 +10,7 @@ NavigationPool::NavigationPool(const Scene& scene, const NavigationTask& task, s
                                std::size_t threads, const NavigationBuffers& buffers)
     : buffers_(buffers) {
   while (environments_.size() < count) {
-    environments_.push_back(std::make_unique<Navigation>(scene, task));
+    environments_.push_back(std::make_shared<Navigation>(scene, task));
   }
   for (std::size_t k = 0; k < std::min(threads, count); ++k) {
     threads_.emplace_back([this] { Work(); });
@@ -39,6 +39,15 @@ void NavigationPool::Add(Job job) {
     ++at_work_;
   }
   jobs_change_.notify_one();
+}
+
+void NavigationPool::Exchange(std::size_t index, std::shared_ptr<Navigation> next) {
+  std::shared_ptr<Navigation>& environment = environments_.at(index);
+  if (next->action_size() != environment->action_size() ||
+      next->vector_size() != environment->vector_size()) {
+    throw Error("the next scene has another number of instruments; give scenes with the same ones");
+  }
+  environment = std::move(next);
 }
 
 void NavigationPool::Reset(std::size_t index, NavigationStart start) {

@@ -41,7 +41,14 @@ class NavigationPool {
   std::size_t action_size() const { return environments_.front()->action_size(); }
 
   /// An environment, which must not be at work.
-  Navigation& environment(std::size_t index) { return *environments_.at(index); }
+  const std::shared_ptr<Navigation>& environment(std::size_t index) {
+    return environments_.at(index);
+  }
+  /// Replaces an environment, which must not be at work, by one with another scene. The next call
+  /// for it is a Reset. Its actions, vectors and pictures must have the sizes of the others.
+  void Exchange(std::size_t index, std::shared_ptr<Navigation> next);
+  /// Throws in a forked child.
+  void RequireOwnProcess() const;
   /// Starts the reset of an environment, which must not be at work.
   void Reset(std::size_t index, NavigationStart start);
   /// Starts a step of an environment, which must not be at work.
@@ -67,14 +74,13 @@ class NavigationPool {
     std::vector<double> action;  // empty: a reset
   };
 
-  void RequireOwnProcess() const;
   void Add(Job job);
   void Work();
   void Do(const Job& job);
 
   const pid_t process_ = getpid();
   const NavigationBuffers buffers_;
-  std::vector<std::unique_ptr<Navigation>> environments_;
+  std::vector<std::shared_ptr<Navigation>> environments_;
   mutable std::mutex mutex_;
   std::condition_variable jobs_change_;
   std::condition_variable finished_changes_;

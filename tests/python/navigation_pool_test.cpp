@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
@@ -150,6 +151,33 @@ TEST_CASE("An exception of an environment reaches the waiting caller") {
     CHECK_THROWS_AS(pool.Wait(kEnvironments), Error);
     CHECK(pool.at_work() == 0);
   }
+}
+
+TEST_CASE("An environment that is exchanged goes on as one in its scene") {
+  const Scene scene = TwoBranches();
+  const NavigationTask task = IntoTheSide(scene);
+  const Scene stiffer = scene.With({{"vessel.wall_stiffness_N_mm2", 0.02}});
+  Side side(scene, task);
+  NavigationPool pool(scene, task, kEnvironments, 2, side.buffers());
+  Navigation single(stiffer, task);
+  pool.Exchange(1, std::make_shared<Navigation>(stiffer, task));
+  pool.Reset(1, {.rotation_rad = 0.3});
+  single.Reset({.rotation_rad = 0.3});
+  pool.Wait(1);
+  for (int step = 0; step < 4; ++step) {
+    const std::vector<double> action = Action(1, step, pool.action_size());
+    pool.Step(1, action);
+    pool.Wait(1);
+    single.Step(action.data());
+  }
+  CHECK(pool.environment(1)->simulation().state_hash() == single.simulation().state_hash());
+  CHECK(side.facts()[kEnvironments + 1] == single.facts()[1]);
+
+  const Scene three = Scene::FromFile(test::SourcePath("/host/scenes/triaxial.toml"));
+  NavigationTask other = task;
+  other.route = {{0, 0, 0}};
+  const auto next = std::make_shared<Navigation>(three.With({{"effects.wall_force", true}}), other);
+  CHECK_THROWS_WITH(pool.Exchange(1, next), Catch::Contains("give scenes with the same ones"));
 }
 
 }  // namespace

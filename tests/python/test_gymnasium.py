@@ -49,8 +49,10 @@ import gymnasium
 import torquer
 import torquer.arches
 import torquer.steve
+import torquer.trees
 
 ids = {}
+drawn = {"torquer/Arches-v0": torquer.arches.TASK, "torquer/Trees-v0": torquer.trees.task()}
 for id, keys in gymnasium.registry.items():
     json.dumps(keys)
     made = {}
@@ -60,7 +62,7 @@ for id, keys in gymnasium.registry.items():
             made[point] = getattr(importlib.import_module(module), name)
     given = keys.get("kwargs", {})
     tasks = {**torquer.envs.TASKS, **{name: torquer.steve.task(name) for name in torquer.steve.NAMES}}
-    task = dataclasses.replace(tasks[given["name"]] if given else torquer.arches.TASK, max_steps=7)
+    task = dataclasses.replace(tasks[given["name"]] if given else drawn[id], max_steps=7)
     one = made["entry_point"](**given, task=task)
     assert one.task.max_steps == 7
     ids[id] = [one.scene.name, isinstance(one, gymnasium.Env)]
@@ -95,7 +97,8 @@ def test_the_import_registers_every_task(tmp_path):
         "torquer/TyPhantom-v0": ["ty_phantom", True, True],
         "torquer/NeuroArch-v0": ["neuro_arch", True, True],
         "torquer/Coronary-v0": ["coronary", True, True],
-        "torquer/Arches-v0": ["arch_bovine", True],
+        "torquer/Arches-v0": ["arch_bovine", True, True],
+        "torquer/Trees-v0": ["tree_3", True, True],
         "torquer/BasicWireNav-v0": ["basic_wire_nav", True],
         "torquer/BasicWireNavRealistic-v0": ["basic_wire_nav", True],
         "torquer/ArchVariety-v0": ["arch_III", True],

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Dict, Optional, Sequence, Tuple, Union
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from copy import deepcopy
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, scene_path
+from ._anatomies import Anatomies, SceneDraw, next_seed
 from ._names import did_you_mean
 from ._navigation import (
     FIRST_OF_INFO,
@@ -55,7 +58,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
 
     def __init__(
         self,
-        name: Union[str, Scene],
+        name: Union[str, Scene, SceneDraw],
         count: int,
         threads: Optional[int] = None,
         observation: Observation = "vector",
@@ -64,20 +67,26 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         reward: Optional[Reward] = None,
         end: Optional[End] = None,
     ) -> None:
-        """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
-        default. copy: True: observations of all environments are copies. False: the next step
+        """name: one of TASKS; or, with a task, a scene, its file, or a function of a numpy.random.Generator that returns a
+        scene. As in NavigationEnv, each reset of an environment calls that function, by the seed. The scene of the next
+        episode is prepared in a thread of Python during this one. threads: one for each core by default. copy: True: observations of all environments are copies. False: the next step
         overwrites them. observation, reward, end: as in NavigationEnv. The functions are called in the thread that
         calls recv() or step(), for one environment after the other."""
         count = whole("count", count, 1, 100_000)
         if threads is not None:
             threads = whole("threads", threads, 1, 1024)
         if task is None:
-            if name not in TASKS:
+            if not isinstance(name, str) or name not in TASKS:
                 near = did_you_mean(name, TASKS)
                 raise Error(f"there is no task {name!r}; {near}there are: {', '.join(TASKS)}; or give a task")
             task = TASKS[str(name)]
             name = scene_path(str(name))
-        prepared = Prepared(name, task, observation, False)
+        self._anatomies: Optional[Anatomies] = None
+        if callable(name):
+            self._anatomies = Anatomies(name, task, observation, False)
+            prepared = self._anatomies.first
+        else:
+            prepared = Prepared(name, task, observation, False)
         self.scene = prepared.scene
         self.task = task
         self.num_envs = count
@@ -86,12 +95,13 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         self.threads = threads
         self.reward = reward
         self.end = end
-        self._targets = prepared.targets
+        self._targets = [prepared.targets] * count
         self._target = [(task.centerline, float(task.at_mm))] * count
         self._target_mm = [prepared.route[-1]] * count
         self._tracker = prepared.tracker
         self._is_dict = prepared.is_dict
-        self.single_observation_space = prepared.observation_space()
+        own_space = prepared.observation_space() if self._anatomies is None else self._anatomies.space
+        self.single_observation_space = own_space
         self.single_action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
         single = self.single_observation_space if self._is_dict else {prepared.parts[0]: self.single_observation_space}
         spaces = {
@@ -115,19 +125,31 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         self._resets = np.ones(count, bool)  # True: the present results are those of a reset
         self._at_work = np.zeros(count, bool)
         self._randoms = [np.random.default_rng() for _ in range(count)]
-        cores = len(os.sched_getaffinity(0))
+        self._next_seeds: List[Optional[int]] = [None] * count
+        self._ahead: Dict[int, Future[Prepared]] = {}  # scenes of next episodes
+        threads = threads or len(os.sched_getaffinity(0))
+        self._preparing = None if self._anatomies is None else ThreadPoolExecutor(threads)
         self._pool = NavigationPool(
             self.scene,
             prepared.task,
             count,
-            threads or cores,
+            threads,
             self._facts,
             self._observations.get("vector"),
             self._observations.get("picture"),
         )
 
-    _MADE_WITH = ("scene", "num_envs", "threads", "observation", "task", "copy", "reward", "end")
-    _MEMORY = ("_begun", "_ended", "_resets", "_randoms", "_target", "_target_mm")
+    _MADE_WITH = ("_given", "num_envs", "threads", "observation", "task", "copy", "reward", "end")
+    _MEMORY = ("_begun", "_ended", "_resets", "_randoms", "_target", "_target_mm", "_targets", "_next_seeds")
+
+    @property
+    def _given(self) -> Union[Scene, SceneDraw]:
+        return self.scene if self._anatomies is None else self._anatomies.draw
+
+    @property
+    def scenes(self) -> List[Scene]:
+        """Scenes of the present episodes. They are those of `scene`, unless each reset draws another one."""
+        return [self._pool.environment(k).simulation.scene for k in range(self.num_envs)]
 
     def __repr__(self) -> str:
         return f"VectorEnv(scene={self.scene.name!r}, num_envs={self.num_envs}, observation={self.observation!r})"
@@ -140,21 +162,28 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
             "memory": {name: getattr(self, name) for name in self._MEMORY},
             "facts": self._facts,
             "observations": self._observations,
-            "environments": [] if self.closed else [self._pool.save(k) for k in range(self.num_envs)],
+            "environments": [] if self.closed else [self._saved(k) for k in range(self.num_envs)],
             "closed": self.closed,
         }
 
     def __setstate__(self, state: Dict[str, Any]) -> None:
         name, count, threads, observation, task, *others = state["made_with"]
         self.__init__(name, count, threads, observation, task, *others)  # type: ignore[misc]
-        for k, saved in enumerate(state["environments"]):
-            self._pool.load(k, saved)
         self.__dict__.update(state["memory"])
+        for k, saved in enumerate(state["environments"]):
+            if self._anatomies is None:
+                self._pool.load(k, saved)
+            else:
+                self._pool.exchange(k, saved)
+                self._prepare_next(k)
         self._facts[:] = state["facts"]
         for part, values in state["observations"].items():
             self._observations[part][:] = values
         if state["closed"]:
             self.close()
+
+    def _saved(self, k: int) -> Any:
+        return deepcopy(self._pool.environment(k)) if self._anatomies is not None else self._pool.save(k)
 
     def reset(
         self,
@@ -185,25 +214,55 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         if not self._begun and not mask.all():
             raise Error("the environments have not begun; call reset() without reset_mask first")
         chosen = chosen_rotation(options)
-        chosen_target = self._targets.chosen(options)
+        chosen_target = self._targets[0].chosen(options)
         if chosen is not None:
             self._pool.check_rotation(chosen)
         made = [None if one is None else generator(one) for one in seeds]
-        for k in np.flatnonzero(mask):
-            self._randoms[k] = self._randoms[k] if made[k] is None else made[k]
-            self._start(int(k), chosen, chosen_target)
+        which = np.flatnonzero(mask).tolist()
+        prepared = self._prepared(which, {k: made[k] for k in which})
+        for k in which:
+            self._randoms[k] = made[k] or self._randoms[k]
+            self._start(k, chosen, chosen_target, prepared.get(k))
         self._begun = True
         self._ended[mask] = False
         self._wait(None)
         observations, _, _, _, info = self._results(np.arange(self.num_envs))
         return observations, info
 
-    def _start(self, k: int, rotation_rad: Optional[float], target: Optional[Target]) -> None:
-        """Starts a reset of one environment."""
+    def _prepared(self, which: Sequence[int], seeded: Dict[int, Optional[np.random.Generator]]) -> Dict[int, Prepared]:
+        """Next scenes of these environments, if each reset draws one. seeded: new generators, which draw them."""
+        if self._anatomies is None or self._preparing is None:
+            return {}
+        self._pool.require_own_process()
+        coming = {}
+        for k in which:
+            random = seeded.get(k)
+            if random is None and k in self._ahead:
+                coming[k] = self._ahead[k]
+            else:
+                coming[k] = self._preparing.submit(self._anatomies.prepare, random or self._randoms[k])
+        wait(coming.values())
+        return {k: one.result() for k, one in coming.items()}
+
+    def _prepare_next(self, k: int) -> None:
+        seed = self._next_seeds[k]
+        if self._anatomies is not None and self._preparing is not None and seed is not None:
+            self._ahead[k] = self._preparing.submit(self._anatomies.prepare, np.random.default_rng(seed))
+
+    def _start(
+        self, k: int, rotation_rad: Optional[float], target: Optional[Target], prepared: Optional[Prepared]
+    ) -> None:
+        """Starts a reset of one environment, in a scene that was prepared, or in the same as before."""
+        if prepared is not None:
+            self._pool.exchange(k, prepared.navigation)
+            self._targets[k] = prepared.targets
         rotation_rad = start_rotation(self._randoms[k], rotation_rad)
-        self._target[k] = self._targets.draw(self._randoms[k], target)
-        route = self._targets.route(self._target[k])
+        self._target[k] = self._targets[k].draw(self._randoms[k], target)
+        route = self._targets[k].route(self._target[k])
         self._target_mm[k] = route[-1]
+        if prepared is not None:
+            self._next_seeds[k] = next_seed(self._randoms[k])
+            self._prepare_next(k)
         self._pool.reset(k, rotation_rad, route)
         self._at_work[k] = self._resets[k] = True
 
@@ -232,11 +291,12 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         if self._at_work[which].any():
             raise Error("an environment is running already; call recv() before the next send()")
         ended = self._ended[which]
+        prepared = self._prepared(which[ended].tolist(), {})
         self._pool.step(which[~ended], rows[~ended])
         self._at_work[which] = True
         self._resets[which] = False
-        for k in which[ended]:
-            self._start(int(k), None, None)
+        for k in which[ended].tolist():
+            self._start(k, None, None, prepared.get(k))
 
     def recv(self, count: Optional[int] = None) -> Tuple[Any, Array, Array, Array, Dict[str, Any]]:
         """Results of the `count` environments that finish first, or of all that are at work. They are observations,
@@ -258,7 +318,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         self._at_work[ids] = False
         if self._tracker is not None:
             for k in ids.tolist():
-                seen = self._tracker.observe(self._pool.simulation(k), self._target_mm[k], self._randoms[k])
+                seen = self._tracker.observe(self._pool.environment(k).simulation, self._target_mm[k], self._randoms[k])
                 self._observations["tracking"][k] = seen
         return ids
 
@@ -280,7 +340,7 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
                 if self._resets[k]:
                     continue
                 here = info_of(facts[:, row].tolist(), self._target[k])
-                moment = Moment(self._pool.simulation(int(k)), here, float(rewards[row]))
+                moment = Moment(self._pool.environment(int(k)).simulation, here, float(rewards[row]))
                 rewards[row], ends = rewarded(moment, self.reward, self.end)
                 terminated[row] |= ends
             truncated &= ~terminated
@@ -295,6 +355,9 @@ class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
         # Gymnasium calls this also for an object that could not be made.
         if hasattr(self, "_pool"):
             self._wait_for_all()
+            if self._preparing is not None:
+                self._preparing.shutdown(cancel_futures=True)
+            self._ahead = {}
             del self._pool
         self.closed = True
 

@@ -5,6 +5,7 @@
     scene = torquer.arches.draw(7)                     # any type, by the seed
     scene = torquer.arches.draw(7, types=["III"])
     env = torquer.arches.make()                        # another arch at each reset
+    many = torquer.arches.make_vec(64)                 # another arch in each lane and at each reset, in threads
 
 The type is the distance of the origin of the brachiocephalic trunk below the top of the arch, both on the outer wall:
 less than one diameter of the left common carotid artery (I), one to two (II), or more (III). In a bovine arch, that
@@ -22,8 +23,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene
+from ._anatomies import SceneDraw, drawn, generator_of, tube_text
 from ._names import did_you_mean, first_unknown
 from ._navigation import End, Observation, Reward, Task
+from ._vector import VectorEnv
 from .envs import NavigationEnv
 
 TYPES = ("I", "II", "III", "bovine")
@@ -125,35 +128,31 @@ from_tip_mm = [0, 20, 100]
 """
 
 
-def _numbers(values: Any) -> str:
-    """Numbers, or lists of them, as TOML."""
-    return "[" + ", ".join(_numbers(value) for value in values) + "]" if np.ndim(values) else f"{float(values):.4f}"
-
-
 def _check(types: Sequence[str]) -> None:
     if isinstance(types, str) or not types or any(kind not in TYPES for kind in types):
         near = "" if isinstance(types, str) else did_you_mean(first_unknown(types, TYPES), TYPES)
         raise Error(f"types are {types!r}; {near}give a list with some of {', '.join(TYPES)}")
 
 
-def _generator(seed: Any) -> np.random.Generator:
-    try:
-        return np.random.default_rng(seed)
-    except (TypeError, ValueError):
-        raise Error(f"seed is {seed!r}; give a whole number from 0 on, or a numpy.random.Generator") from None
-
-
 def draw(seed: Union[int, np.random.Generator], types: Sequence[str] = TYPES) -> Scene:
     """Scene of a random arch, named after its type. The same seed and types give the same scene. Each of the types is
     equally probable."""
     _check(types)
-    random = _generator(seed)
+    random = generator_of(seed)
     kind = types[random.integers(len(types))]
     text = [f'name = "arch_{kind}"\n[vessel]\nkind = "tubes"\nwall_stiffness_N_mm2 = 5\n']
     for tube in _tubes(random, kind):
-        text.append(f'[[vessel.tube]]\nname = "{tube["name"]}"\npoints_mm = {_numbers(tube["points_mm"])}\n')
-        text.append(f'radii_mm = {_numbers(tube["radii_mm"])}\nbend_radius_mm = {_numbers(tube["bend_radius_mm"])}\n')
+        text.append(tube_text(tube["name"], tube["points_mm"], tube["radii_mm"], tube["bend_radius_mm"]))
     return Scene.from_text("".join(text) + _REST)
+
+
+def _draw(seed: Union[int, np.random.Generator], types: Tuple[str, ...]) -> Scene:
+    return draw(seed, types)
+
+
+def _drawn(types: Sequence[str], count: Optional[int]) -> SceneDraw:
+    _check(types)
+    return drawn(functools.partial(_draw, types=tuple(types)), count)
 
 
 def make(
@@ -163,7 +162,23 @@ def make(
     render_mode: Optional[str] = None,
     reward: Optional[Reward] = None,
     end: Optional[End] = None,
+    count: Optional[int] = None,
 ) -> NavigationEnv:
-    """Environment with another arch at each reset, by the seed. The name of env.scene has its type."""
-    _check(types)
-    return NavigationEnv(functools.partial(draw, types=tuple(types)), task, observation, render_mode, reward, end)
+    """Environment with another arch at each reset, by the seed. The name of env.scene has its type. count: None: each
+    reset draws a new arch; otherwise one of so many, which are kept, and then cost no more time."""
+    return NavigationEnv(_drawn(types, count), task, observation, render_mode, reward, end)
+
+
+def make_vec(
+    num_envs: int = 1,
+    types: Sequence[str] = TYPES,
+    task: Task = TASK,
+    observation: Observation = "vector",
+    threads: Optional[int] = None,
+    copy: bool = True,
+    reward: Optional[Reward] = None,
+    end: Optional[End] = None,
+    count: Optional[int] = None,
+) -> VectorEnv:
+    """Environments in threads, each with another arch at each reset, by its seed. count: as in make()."""
+    return VectorEnv(_drawn(types, count), num_envs, threads, observation, task, copy, reward, end)

@@ -17,12 +17,13 @@ gymnasium.vector.VectorEnv. They are then registered on import:
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, Optional, Tuple, Union
+from typing import Any, Dict, Optional, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation, scene_path
+from ._anatomies import Anatomies, SceneDraw as SceneDraw, next_seed
 from ._names import did_you_mean
 from ._navigation import (
     TASKS as TASKS,
@@ -48,12 +49,8 @@ from ._vector import VectorEnv as VectorEnv
 Array = npt.NDArray[Any]
 
 RENDER_MODES = ["rgb_array", "human"]
-SceneDraw = Callable[[np.random.Generator], Scene]
-"""Random scenes of an environment."""
-_ARCHES = "torquer/Arches-v0"
+_DRAWN = {"torquer/Arches-v0": "torquer.arches", "torquer/Trees-v0": "torquer.trees"}
 _STEVE = ("BasicWireNav", "ArchVariety", "DualDeviceNav")
-# Bounds of observations over those that the first of random scenes needs.
-_ROOM = 2.0
 
 
 class NavigationEnv(Env):  # type: ignore[misc]
@@ -97,9 +94,14 @@ class NavigationEnv(Env):  # type: ignore[misc]
         if render_mode is not None and render_mode not in RENDER_MODES:
             near = did_you_mean(render_mode, RENDER_MODES)
             raise Error(f"render_mode is {render_mode!r}; {near}give None, 'rgb_array' or 'human'")
-        self._draw_scene = scene if callable(scene) else None
-        first = scene(np.random.default_rng(0)) if callable(scene) else scene
-        prepared = Prepared(first, task, observation, render_mode is not None)
+        sees = render_mode is not None
+        self._anatomies: Optional[Anatomies] = None
+        self._next_seed: Optional[int] = None
+        if callable(scene):
+            self._anatomies = Anatomies(scene, task, observation, sees)
+            prepared = self._anatomies.first
+        else:
+            prepared = Prepared(scene, task, observation, sees)
         self.task = task
         self.observation = observation
         self.render_mode = render_mode
@@ -115,7 +117,7 @@ class NavigationEnv(Env):  # type: ignore[misc]
         self._target_mm = prepared.route[-1]
         self._ended = False  # by the user's end
         self.action_space = Box(-1.0, 1.0, (prepared.action_size,), np.float32)
-        self.observation_space = prepared.observation_space(1.0 if self._draw_scene is None else _ROOM)
+        self.observation_space = prepared.observation_space() if self._anatomies is None else self._anatomies.space
 
     def __repr__(self) -> str:
         place = f"scene={self.scene.name!r}, target={self._target!r}"
@@ -129,15 +131,9 @@ class NavigationEnv(Env):  # type: ignore[misc]
 
     def _next_scene(self) -> None:
         """Draws the scene of the next episode."""
-        if self._draw_scene is None:
-            return
-        prepared = Prepared(self._draw_scene(self._random), self.task, self.observation, self.render_mode is not None)
-        if not prepared.fits(self.observation_space):
-            raise Error(
-                f"{prepared.scene.name} has observations outside the bounds of the first scene that was drawn, which are "
-                f"{_ROOM:g} times as wide as that scene needs; draw scenes of a similar size with the same instruments"
-            )
-        self._enter(prepared)
+        if self._anatomies is not None:
+            seed = self._next_seed
+            self._enter(self._anatomies.prepare(self._random if seed is None else np.random.default_rng(seed)))
 
     def __getstate__(self) -> Dict[str, Any]:
         # A window stays with its process.
@@ -173,12 +169,14 @@ class NavigationEnv(Env):  # type: ignore[misc]
             random = generator(seed)
             if gymnasium is not None:
                 super().reset(seed=seed)
-            self._random = random
+            self._random, self._next_seed = random, None
         self._next_scene()
         rotation_rad = start_rotation(self._random, chosen)
         self._target = self._targets.draw(self._random, chosen_target)
         route = self._targets.route(self._target)
         self._target_mm = route[-1]
+        if self._anatomies is not None:
+            self._next_seed = next_seed(self._random)
         self._navigation.reset(rotation_rad, route)
         self._ended = False
         self._show()
@@ -267,7 +265,7 @@ def make_vec(
 
 
 def register() -> None:
-    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0", and "torquer/Arches-v0". So are the tasks of
+    """Registers each task with Gymnasium, as "torquer/NeuroArch-v0", "torquer/Arches-v0" and "torquer/Trees-v0". So are the tasks of
     torquer.steve, as "torquer/ArchVariety-v0" and "torquer/ArchVarietyRealistic-v0". The import of torquer.envs calls this
     where Gymnasium is installed. A second call has no effect."""
     if gymnasium is None:
@@ -281,8 +279,9 @@ def register() -> None:
                 vector_entry_point="torquer.envs:make_vec",
                 kwargs={"name": name},
             )
-    if _ARCHES not in gymnasium.registry:
-        gymnasium.register(_ARCHES, entry_point="torquer.arches:make")
+    for id, module in _DRAWN.items():
+        if id not in gymnasium.registry:
+            gymnasium.register(id, entry_point=f"{module}:make", vector_entry_point=f"{module}:make_vec")
     for name in _STEVE:
         for realistic in (False, True):
             id = f"torquer/{name}{'Realistic' if realistic else ''}-v0"

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene
+from ._anatomies import SceneDraw
 from ._navigation import End, Observation, Reward, Task
 from ._spaces import refuse_closed
 from ._vector import VectorEnv
@@ -41,7 +42,7 @@ class StableVecEnv(VecEnv):  # type: ignore[misc]
 
     def __init__(
         self,
-        name: Union[str, Scene],
+        name: Union[str, Scene, SceneDraw],
         count: int,
         threads: Optional[int] = None,
         observation: Observation = "vector",

@@ -29,7 +29,8 @@ from ._names import did_you_mean
 from ._navigation import End, Moment, Reward, Task, action_values
 from ._polyline import arcs_of, at_arcs
 from ._spaces import Box, DictSpace, Env, gymnasium
-from .envs import NavigationEnv, SceneDraw
+from ._anatomies import SceneDraw
+from .envs import NavigationEnv
 
 Array = npt.NDArray[Any]
 
