@@ -26,6 +26,7 @@ device = "microcatheter_1_8f"
 max_length_mm = 200
 [effects.fluoroscopy]
 width_px = 128
+[effects.segment_error]
 `;
 
 const [root, programs] = process.argv.slice(2);
@@ -80,6 +81,12 @@ test("a withdrawn catheter becomes the chosen device, and moves on", async () =>
   await page.keyboard.press("Tab");
   await holdKey(page, "ArrowUp", "it is pushed", () => page.evaluate(() => window.torquer.state().instruments[1].insertionMm > 5));
   assert.equal(Math.round(await page.evaluate(() => window.torquer.state().instruments[0].insertionMm)), 60);
+});
+
+test("the figures have the estimated error, also after the exchange", async () => {
+  const plotted = () => page.evaluate(() => window.torquer.plotted().error ?? 0);
+  const before = await plotted();
+  await until("newer values", async () => (await plotted()) > before);
 });
 
 test("the simulator's refusal is shown", async () => {

@@ -14,6 +14,7 @@ const FIGURES = {
   solve: { title: "Solve time", unit: " ms", shown: short },
   residual: { title: "Residual", unit: "", shown: short, logarithmic: true },
   penetration: { title: "Penetration of the wall", unit: " µm", shown: short },
+  error: { title: "Error by the segments", unit: " mm", shown: short },
   force: { title: "Wall force", unit: " mN", shown: short },
 } satisfies Record<string, Figure>;
 const STATUS_WORDS: [number, string][] = [
@@ -138,6 +139,8 @@ export class Panel {
     figure("penetration", this.penetrationUm);
     const force = readings?.values["wall_force_largest_mN"];
     if (force !== undefined) figure("force", force ?? NaN);
+    const error = readings?.values["segment_error_mm"];
+    if (error !== undefined) figure("error", error ?? NaN);
     const words = fresh ? Panel.words(this.status) : "";
     setText(this.solver, `Solver status: ${!fresh ? "no states" : words === "" ? "good" : words}`);
     setData(this.solver, "level", fresh && words === "" ? "" : "warn");
