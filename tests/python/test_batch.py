@@ -193,16 +193,16 @@ def test_a_surface_that_changes_while_it_is_read(study, tmp_path, monkeypatch):
 
 def test_killed_workers_lose_no_case(study, tmp_path):
     out = tmp_path / "out"
-    process = start(study(cases(1000)), out, "--workers", 2)
-    for stored in (50, 300):
+    process = start(study(cases(400)), out, "--workers", 2)
+    for stored in (50, 200):
         wait_for(process, out, stored)
         found = worker_processes(process)
         assert found
         os.kill(found[0], signal.SIGKILL)
     output, error = process.communicate(timeout=120)
     assert process.returncode == 0, error
-    assert output.startswith("1000 cases done, 0 were stored before, 0 failed")
-    check_whole(out, 1000)
+    assert output.startswith("400 cases done, 0 were stored before, 0 failed")
+    check_whole(out, 400)
 
 
 def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
