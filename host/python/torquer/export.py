@@ -1,8 +1,9 @@
-"""Wire shapes for other programs: ParaView, 3D Slicer, tables, meshio.
+"""Wire shapes for other programs: ParaView, 3D Slicer, tables, meshio, pyvista.
 
     states = torquer.export.read_states("states.jsonl")
     torquer.export.write(states, "wire.pvd")  # or .vtp, .mrk.json, .csv
     torquer.export.to_meshio(torquer.export.State.of(simulation))
+    torquer.export.to_pyvista(simulation).plot()
 
 A file is written under a temporary name and then renamed, so that it is complete or absent.
 """
@@ -24,7 +25,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from . import Error, Simulation
+from . import Error, Simulation, Surface
 from ._user_file import load_json, open_file
 from .states import MAGIC
 from .states import read_states as read_fields
@@ -378,7 +379,7 @@ def to_meshio(state: State) -> Any:
 
 
 def to_vtk(state: State) -> Any:
-    """A state as a vtkPolyData of polylines, which pyvista.wrap() takes. Needs Debian's python3-vtk9."""
+    """A state as a vtkPolyData of polylines. Needs Debian's python3-vtk9."""
     try:
         from vtkmodules.vtkIOXML import vtkXMLPolyDataReader  # type: ignore[import]
     except ImportError:
@@ -388,3 +389,28 @@ def to_vtk(state: State) -> Any:
     reader.SetInputString(_vtp(state))
     reader.Update()
     return reader.GetOutput()
+
+
+def to_pyvista(given: Union[Simulation, State, Surface]) -> Any:
+    """Wires or a surface as a pyvista.PolyData, in mm. The wires of a simulation or a state are polylines, with the forces
+    at their nodes, and "time_s" in field_data. A surface, as that of Scene.surface(), has triangles. Needs pyvista, of
+    which Debian has no package."""
+    try:
+        import pyvista  # type: ignore[import]
+    except ImportError:
+        raise Error("pyvista is missing; install it with pip install pyvista, or use to_vtk") from None
+    if isinstance(given, Surface):
+        return pyvista.PolyData(given.points_mm, faces=np.insert(given.triangles, 0, 3, axis=1).ravel())
+    state = State.of(given) if isinstance(given, Simulation) else given
+    if not isinstance(state, State):
+        raise Error(f"{type(given).__name__} is given; give a Simulation, a State of torquer.export, or a Surface")
+    cells: List[int] = []
+    first = 0
+    for _, nodes, _ in state.lines():
+        cells += [len(nodes), *range(first, first + len(nodes))]
+        first += len(nodes)
+    mesh = pyvista.PolyData(np.concatenate([nodes for _, nodes, _ in state.lines()]), lines=np.array(cells))
+    for name in state.point_data:
+        mesh.point_data[name] = np.concatenate([values[name] for _, _, values in state.lines()])
+    mesh.field_data["time_s"] = [state.time_s]
+    return mesh
