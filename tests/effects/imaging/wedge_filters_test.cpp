@@ -189,15 +189,23 @@ struct Kerma {
   double kerma_mGy, area_Gy_cm2;
 };
 
-Kerma KermaOf(const Imaging& imaging) {
+// Sums at the end of each setting, which stays for 0.2 s with the pedal down.
+std::vector<Kerma> KermaOfAll(const std::vector<Imaging>& settings) {
   SceneOf scene(Field(64, 64, ""));
   Simulation session(*scene);
-  for (int k = 1; k <= 20; ++k) {
-    torquer::CountedBudget budget(3000);
-    session.Tick(CommandFor(0.01 * k, imaging), budget);
+  std::vector<Kerma> sums;
+  int tick = 0;
+  for (const Imaging& imaging : settings) {
+    for (int k = 0; k < 20; ++k) {
+      torquer::CountedBudget budget(3000);
+      session.Tick(CommandFor(0.01 * ++tick, imaging), budget);
+    }
+    sums.push_back({Reading(session, "air_kerma_mGy"), Reading(session, "kerma_area_Gy_cm2")});
   }
-  return {Reading(session, "air_kerma_mGy"), Reading(session, "kerma_area_Gy_cm2")};
+  return sums;
 }
+
+Kerma KermaOf(const Imaging& imaging) { return KermaOfAll({imaging})[0]; }
 
 // Mean over the picture of the transmission of one wedge, by its edge's distance from where it came
 // in. `length`: of the picture parallel to the edge, at a distance from there.
@@ -244,6 +252,17 @@ TEST_CASE("A wedge takes its part from the kerma-area product alone", "[effects]
   shut.left = 0.1;
   shut.top = 0.4;
   CHECK(share(shut) == Approx((0.7 + kRamp * ramp + (0.2 - kRamp) * through) / 0.9).epsilon(1e-3));
+}
+
+TEST_CASE("A wedge that moves while the pedal is down counts from its new place", "[effects]") {
+  const Imaging settings[] = {With({0.1, 0}, {}), With({0.4, 0}, {}), With({0.4, 30}, {})};
+  const std::vector<Kerma> sums = KermaOfAll({settings[0], settings[1], settings[2]});
+  for (std::size_t k = 1; k < 3; ++k) {
+    const Kerma alone = KermaOf(settings[k]);
+    CHECK((sums[k].area_Gy_cm2 - sums[k - 1].area_Gy_cm2) /
+              (sums[k].kerma_mGy - sums[k - 1].kerma_mGy) ==
+          Approx(alone.area_Gy_cm2 / alone.kerma_mGy).epsilon(1e-9));
+  }
 }
 
 TEST_CASE("Both planes of a biplane system have the same wedges", "[effects]") {
