@@ -87,7 +87,7 @@ void ReportStretchesOutside(Vessel& vessel) {
     const std::string to = fmt::format("{:.1f}", stretch.to_mm);
     if (from == to) continue;
     if (curves.empty() || curves.back().first != stretch.curve)
-      curves.push_back({stretch.curve, ""});
+      curves.emplace_back(stretch.curve, "");
     farthest_mm = std::max(farthest_mm, -stretch.worst_clearance_mm);
     std::string& stretches = curves.back().second;
     stretches += (stretches.empty() ? "" : ", ") + from + " to " + to;
