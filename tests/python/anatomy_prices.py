@@ -5,9 +5,14 @@ usage: PYTHONPATH=build/release/lib/python python3 tests/python/anatomy_prices.p
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import time
 from typing import Optional
+
+if __name__ == "__main__":
+    # Help needs no packages.
+    argparse.ArgumentParser(usage="PYTHONPATH=build/release/lib/python %(prog)s", description="prices of anatomies that change").parse_args()
 
 import numpy as np
 
