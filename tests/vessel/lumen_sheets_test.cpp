@@ -1,11 +1,16 @@
 // Surfaces with small shares, sheets and membranes: what encloses nothing is left out or refused.
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string>
 
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/mesh_repair.h"
 #include "host/simulator/vessel/surface_mesh.h"
 #include "host/support/error.h"
+#include "tests/support/allocation_counter.h"
 #include "tests/support/made_meshes.h"
 #include "tests/vessel/field_checks.h"
 #include "tests/vessel/union_checks.h"
@@ -118,6 +123,49 @@ TEST_CASE("a surface that is inside out beyond a crossing is refused, with the p
   CHECK_THROWS_WITH(RepairSurface(eight, "eight.stl"),
                     Contains("eight.stl: ") && Contains("inside out") &&
                         Contains("for instance at (") && Contains("repair"));
+}
+
+// Closed tube whose vertices are displaced at random, by up to noise_mm along each axis.
+TriangleMesh NoisyTube(double noise_mm) {
+  TriangleMesh tube = MakeTubeMesh(20, 40, 48, [](double) { return 3.0; });
+  CapTubeMesh(tube, 48);
+  Random random(31);
+  const Vector3d reach = Vector3d::Constant(noise_mm);
+  for (Vector3d& v : tube.vertices_mm) v += random.InBox(-reach, reach);
+  return tube;
+}
+
+bool Says(const SurfaceMesh& surface, const std::string& words) {
+  return std::any_of(
+      surface.report.findings.begin(), surface.report.findings.end(),
+      [&](const std::string& finding) { return finding.find(words) != std::string::npos; });
+}
+
+TEST_CASE("the folds of a noisy wall stay left out if a fin stands on it") {
+  // Folds that are turned outward unbalance edges, so that pieces of the wall look like sheets.
+  TriangleMesh tube = NoisyTube(0.3);
+  const double alone_mm3 = RepairSurface(tube, "x").report.volume_mm3;
+  const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+  for (int i = 0; i <= 40; ++i) tube.vertices_mm.emplace_back(0.5 * i, 6, 0.1);
+  for (int32_t i = 8; i < 32; ++i) {
+    tube.triangles.push_back({48 * i, 48 * (i + 1), first + i});
+    tube.triangles.push_back({48 * (i + 1), first + i + 1, first + i});
+  }
+  const SurfaceMesh surface = RepairSurface(tube, "x");
+  for (const std::string& finding : surface.report.findings) UNSCOPED_INFO(finding);
+  // The wall's folds divide the fin.
+  CHECK(Says(surface, "5 sheets that enclose nothing"));
+  CHECK(Says(surface, "folded over and inside out"));
+  CHECK(surface.report.volume_mm3 == Approx(alone_mm3).epsilon(1e-3));
+}
+
+TEST_CASE("a wall of too much noise is refused before it is divided") {
+  const TriangleMesh tube = NoisyTube(0.65);
+  const size_t before = test::AllocationCount();
+  CHECK_THROWS_WITH(RepairSurface(tube, "x"), Contains("inside out"));
+  const size_t allocations = test::AllocationCount() - before;
+  CAPTURE(allocations);
+  CHECK(allocations < 10 * tube.triangles.size());
 }
 
 }  // namespace

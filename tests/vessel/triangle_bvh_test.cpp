@@ -88,10 +88,10 @@ TEST_CASE("crossings of rays give the winding numbers of a closed surface, and o
     mesh.triangles.erase(mesh.triangles.begin() + static_cast<std::ptrdiff_t>(100 * i + 7));
   }
   const TriangleBvh bvh(mesh, TriangleBvh::Signs::kNone);
-  const TriangleMesh cone = repair::ConeOverBorder(mesh);
-  CHECK(cone.triangles.size() == 3 * missing);
+  const TriangleMesh cones = repair::ConesOverBorder(mesh);
+  CHECK(cones.triangles.size() == missing);
   std::optional<TriangleBvh> lid;
-  if (missing > 0) lid.emplace(cone, TriangleBvh::Signs::kNone);
+  if (missing > 0) lid.emplace(cones, TriangleBvh::Signs::kNone);
   std::size_t counted = 0, within = 0;
   for (std::size_t face = 0; face < mesh.triangles.size(); ++face) {
     const Vector3d at = mesh.Centroid(face);

@@ -6,12 +6,15 @@
 #include <cstddef>
 #include <memory>
 #include <optional>
+#include <random>
 #include <set>
 #include <utility>
 #include <vector>
 
 #include "host/simulator/vessel/face_sample.h"
+#include "host/simulator/vessel/lumen_sheets.h"
 #include "host/simulator/vessel/mesh_repair.h"
+#include "host/simulator/vessel/surface_regions.h"
 #include "host/simulator/vessel/surface_split.h"
 #include "host/simulator/vessel/triangle_bvh.h"
 #include "host/support/error.h"
@@ -39,132 +42,15 @@ constexpr int kAttempts = 3;
 constexpr double kNoShare = 1e-9;
 // Fraction below which no message follows, because its rounded percentage would be 0.
 constexpr double kLeastSaid = 1e-6;
-// A region is a sheet if its winding numbers deviate on average more than this from integers.
-constexpr double kSheet = 0.25;
-constexpr size_t kSheetSamples = 64;
 // Distance from an opening's cap, in its radii, at which a point lies clearly beside it.
 constexpr double kBesideCap = 0.05;
+// Pairs of intersecting faces per face, above which a union takes so long that a sample pays.
+constexpr double kManyCuts = 0.1;
 // Largest number of face pairs that the report counts.
 constexpr size_t kMostCounted = 1'000'000;
 // With more faces in the lid of a surface, dipoles are quicker than crossings.
 constexpr size_t kMostInLid = 100;
 constexpr TriangleBvh::Signs kNoSigns = TriangleBvh::Signs::kNone;
-
-// A step from the middle of a face to its outer side, much shorter than the face.
-Vector3d StepOut(const TriangleMesh& mesh, size_t face) {
-  const Vector3d twice = mesh.DoubleArea(face);
-  const double area = twice.norm();
-  return 1e-4 * std::sqrt(area) * twice / area;
-}
-
-// Faces joined over edges of two faces, sorted by decreasing area for sampling.
-struct SurfaceRegion {
-  std::vector<int32_t> faces;
-  double area = 0;
-  bool is_bounded = false;   // has an unbalanced edge
-  std::vector<int32_t> rim;  // faces at open edges or edges of several faces
-};
-
-// True if a face is too narrow for its middle to distinguish its sides.
-bool IsNarrow(const TriangleMesh& mesh, size_t face) {
-  constexpr double kNarrow = 1e-3;
-  double longest = 0;
-  for (int c = 0; c < 3; ++c) {
-    longest = std::max(longest, (mesh.Corner(face, (c + 1) % 3) - mesh.Corner(face, c)).norm());
-  }
-  return mesh.DoubleArea(face).norm() < kNarrow * longest * longest;
-}
-
-double AreaOf(const TriangleMesh& mesh, size_t face) { return mesh.DoubleArea(face).norm() / 2; }
-
-std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
-  int count = 0;
-  const std::vector<int> part = repair::Parts(mesh, &count);
-  std::vector<SurfaceRegion> regions(static_cast<size_t>(count));
-  for (size_t i = 0; i < part.size(); ++i) {
-    regions[part[i]].faces.push_back(static_cast<int32_t>(i));
-    regions[part[i]].area += AreaOf(mesh, i);
-  }
-  for (const int32_t face : repair::FacesAtUnbalancedEdges(mesh)) {
-    regions[part[face]].is_bounded = true;
-  }
-  std::vector<char> meets_others(mesh.vertices_mm.size(), 0);
-  const repair::EdgeFaults edges = repair::FindEdgeFaults(mesh);
-  for (const auto* list : {&edges.open, &edges.several}) {
-    for (const auto& [from, to] : *list) meets_others[from] = meets_others[to] = 1;
-  }
-  for (size_t i = 0; i < part.size(); ++i) {
-    const auto& corners = mesh.triangles[i];
-    if (!IsNarrow(mesh, i) && std::any_of(corners.begin(), corners.end(),
-                                          [&](int32_t v) { return meets_others[v] != 0; })) {
-      regions[part[i]].rim.push_back(static_cast<int32_t>(i));
-    }
-  }
-  for (SurfaceRegion& region : regions) {
-    std::stable_sort(region.faces.begin(), region.faces.end(),
-                     [&](int32_t a, int32_t b) { return AreaOf(mesh, a) > AreaOf(mesh, b); });
-  }
-  return regions;
-}
-
-// Mean distance of the winding numbers beside a region from integers. It is 1/2 for a sheet, which
-// encloses no volume, and near 0 for a wall.
-double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
-                  const SurfaceRegion& region) {
-  double sum = 0, weight = 0;
-  for (const auto& [face, area] : SampleFaces(mesh, region.faces, kSheetSamples)) {
-    if (area == 0) continue;
-    const double outer = surface.WindingNumber(mesh.Centroid(face) + StepOut(mesh, face));
-    sum += area * std::abs(outer - std::round(outer));
-    weight += area;
-  }
-  return weight > 0 ? sum / weight : 0;
-}
-
-TriangleMesh Part(const TriangleMesh& mesh, const std::vector<char>& keep, bool kept) {
-  TriangleMesh part;
-  part.vertices_mm = mesh.vertices_mm;
-  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
-    if ((keep[i] != 0) == kept) part.triangles.push_back(mesh.triangles[i]);
-  }
-  repair::DropUnusedVertices(part);
-  return part;
-}
-
-// Removes sheets, the clearest first, until every edge balances or no sheet is left. Returns their
-// number.
-size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& left_out) {
-  constexpr int kRounds = 20;
-  constexpr double kAsClear = 0.8;
-  size_t dropped = 0;
-  for (int round = 0; round < kRounds; ++round) {
-    std::vector<SurfaceRegion> regions = RegionsOf(mesh);
-    std::erase_if(regions, [](const SurfaceRegion& region) { return !region.is_bounded; });
-    if (regions.empty()) break;
-    const TriangleBvh surface(mesh, kNoSigns);
-    std::vector<double> scores;
-    for (const SurfaceRegion& region : regions) scores.push_back(SheetScore(surface, mesh, region));
-    const double worst = *std::max_element(scores.begin(), scores.end());
-    if (worst <= kSheet) break;
-    std::vector<char> keep(mesh.triangles.size(), 1);
-    size_t now = 0, faces = 0;
-    for (size_t r = 0; r < regions.size(); ++r) {
-      if (scores[r] < kAsClear * worst) continue;
-      for (const int32_t face : regions[r].faces) keep[face] = 0;
-      faces += regions[r].faces.size();
-      ++now;
-    }
-    if (faces == mesh.triangles.size()) break;
-    Append(left_out, Part(mesh, keep, false));
-    mesh = Part(mesh, keep, true);
-    dropped += now;
-    // Parts that a sheet separated are now one part.
-    MeshReport again;
-    repair::Orient(mesh, name, again);
-    repair::PointOutward(mesh, again);
-  }
-  return dropped;
-}
 
 // Verdict on the faces of a surface.
 struct Verdict {
@@ -179,7 +65,7 @@ class FaceSides {
  public:
   explicit FaceSides(const TriangleBvh& surface)
       : surface_(surface), known_(surface.mesh().triangles.size()) {
-    TriangleMesh lid = repair::ConeOverBorder(surface.mesh());
+    TriangleMesh lid = repair::ConesOverBorder(surface.mesh());
     may_count_ = lid.triangles.size() <= kMostInLid;
     if (may_count_ && !lid.triangles.empty()) {
       lid_ = std::make_unique<TriangleBvh>(std::move(lid), kNoSigns);
@@ -202,7 +88,7 @@ class FaceSides {
   bool may_count_ = false;
 };
 
-Verdict Judge(const TriangleBvh& surface) {
+Verdict Judge(const TriangleBvh& surface, const std::vector<SurfaceRegion>& regions) {
   const TriangleMesh& mesh = surface.mesh();
   Verdict verdict;
   verdict.keep.assign(mesh.triangles.size(), 0);
@@ -228,16 +114,22 @@ Verdict Judge(const TriangleBvh& surface) {
   const auto whole = [&](int32_t face) {
     return AreaOf(mesh, face) == 0 ? Sides{0, 0} : sides_of.Of(face);
   };
-  for (const SurfaceRegion& region : RegionsOf(mesh)) {
+  for (const SurfaceRegion& region : regions) {
     // Winding numbers are constant over a region unless something passes through it without an edge
     // there.
-    const size_t samples = std::min(region.faces.size(), kSheetSamples);
+    const size_t samples = std::min(region.faces.size(), kRegionSamples);
     const Sides first = whole(region.faces[0]);
     const auto is_first = [&](int32_t face) { return whole(face) == first; };
     const bool one =
         std::all_of(region.faces.begin(), region.faces.begin() + static_cast<ptrdiff_t>(samples),
                     is_first) &&
         std::all_of(region.rim.begin(), region.rim.end(), is_first);
+    if (!one) {
+      // In the order of the file, where the next face is near: its ray meets the same memory.
+      std::vector<int32_t> in_file = region.faces;
+      std::sort(in_file.begin(), in_file.end());
+      for (const int32_t face : in_file) whole(face);
+    }
     for (const int32_t face : region.faces) settle(face, one ? first : whole(face));
   }
   return verdict;
@@ -280,6 +172,45 @@ Fault FindFault(const TriangleBvh& surface) {
   return fault;
 }
 
+[[noreturn]] void RefuseInverted(const std::string& name, double share, const Vector3d& where_mm) {
+  throw UserError(name + ": " + Number(100 * share) +
+                  " % of the surface is inside out, for instance at " + Place(where_mm) +
+                  " (the surface intersects itself there, so the lumen is ambiguous); repair the "
+                  "surface there");
+}
+
+// Throws if a sample of a closed surface shows that too much of it is inside out. Its union would
+// be refused too, but after a long time.
+void RefuseIfInverted(const TriangleBvh& surface, const std::string& name) {
+  constexpr size_t kMostFaces = 100'000;
+  constexpr double kStandardErrors = 4;
+  const TriangleMesh& mesh = surface.mesh();
+  std::mt19937 random(20261);
+  const auto share = [&random] { return random() / (random.max() + 1.0); };
+  double total = 0, squares = 0, largest = 0;
+  Fault inverted;
+  for (const auto& [face, area] : SampleFaces(mesh, kMostFaces)) {
+    if (area == 0) continue;
+    // A random point of the face (Osada et al. 2002, eq. 1).
+    const double a = std::sqrt(share()), b = share();
+    const Vector3d at = (1 - a) * mesh.Corner(face, 0) + a * (1 - b) * mesh.Corner(face, 1) +
+                        a * b * mesh.Corner(face, 2);
+    const Vector3d step = StepOut(mesh, face);
+    const auto sides = surface.CountCrossings(at, step, nullptr);
+    total += area;
+    squares += area * area;
+    if ((sides ? *sides : surface.WholeWindingNumbers(at, step)).outer >= 0) continue;
+    inverted.share += area;
+    if (area > largest) inverted.where_mm = at;
+    largest = std::max(largest, area);
+  }
+  inverted.share /= total;
+  const double standard_error = std::sqrt(inverted.share * (1 - inverted.share) * squares) / total;
+  if (inverted.share - kStandardErrors * standard_error > kMostInverted) {
+    RefuseInverted(name, inverted.share, inverted.where_mm);
+  }
+}
+
 // Moves each part a little, in different directions. Parts that nearly lie on one another then
 // clearly intersect or do not. A vertex of several parts moves with one of them.
 TriangleMesh MovedApart(TriangleMesh mesh, double by_mm) {
@@ -317,17 +248,15 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
                     ": the surface's faces intersect one another nearly everywhere, so it bounds "
                     "no lumen; export it again");
   }
-  united.sheet_count = DropSheets(*split, name, united.sheets);
-  united.walls = std::make_unique<TriangleBvh>(std::move(*split), kNoSigns);
+  WithoutSheets rest = DropSheets(std::move(*split), name);
+  united.walls = std::move(rest.walls);
+  united.sheets = std::move(rest.sheets);
+  united.sheet_count = rest.sheet_count;
   const TriangleMesh& mesh = united.walls->mesh();
   Verdict& verdict = united.verdict;
-  verdict = Judge(*united.walls);
+  verdict = Judge(*united.walls, rest.regions);
   if (verdict.inverted > kMostInverted * verdict.total) {
-    throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
-                    " % of the surface is inside out, for instance at " +
-                    Place(mesh.Centroid(verdict.where_inverted)) +
-                    " (the surface intersects itself there, so the lumen is ambiguous); repair the "
-                    "surface there");
+    RefuseInverted(name, verdict.inverted / verdict.total, mesh.Centroid(verdict.where_inverted));
   }
   DropCopies(mesh, verdict.keep);
   const double sheets_mm2 = united.sheets.Area();
@@ -399,8 +328,12 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
   const auto cuts = before.FindIntersections(kMostCounted);
   int parts = 0;
   repair::Parts(before.mesh(), &parts);
-  if (cuts.empty() && parts == 1 && repair::FacesAtUnbalancedEdges(before.mesh()).empty()) return;
+  const bool is_closed = repair::FacesAtUnbalancedEdges(before.mesh()).empty();
+  if (cuts.empty() && parts == 1 && is_closed) return;
   report.intersections += cuts.size();
+  if (is_closed && cuts.size() > kManyCuts * before.mesh().triangles.size()) {
+    RefuseIfInverted(before, name);
+  }
 
   United united = UniteOnce(before, name);
   for (int attempt = 1; attempt <= kAttempts && united.fault.share > kNegligibleShare; ++attempt) {

@@ -50,6 +50,12 @@ std::vector<Side> SortedSides(const TriangleMesh& mesh, std::vector<std::size_t>
 
 }  // namespace
 
+int Balance(std::span<const EdgeUse> uses) {
+  int balance = 0;
+  for (const EdgeUse& use : uses) balance += use.forward ? 1 : -1;
+  return balance;
+}
+
 EdgeTable::EdgeTable(const TriangleMesh& mesh) {
   std::vector<std::size_t> first;
   const std::vector<Side> sides = SortedSides(mesh, first);

@@ -20,6 +20,9 @@ struct EdgeUse {
   bool forward;  ///< from the edge's smaller vertex to its larger
 };
 
+/// Uses of an edge in one direction less those in the other; 0 in a closed surface.
+int Balance(std::span<const EdgeUse> uses);
+
 /// Edges in increasing order, each with its uses in the order of the triangles.
 class EdgeTable {
  public:

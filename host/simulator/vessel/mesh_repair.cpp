@@ -117,13 +117,17 @@ void DropUseless(TriangleMesh& mesh, MeshReport& report) {
 }
 
 std::vector<int> Parts(const TriangleMesh& mesh, int* count) {
+  return Parts(mesh, EdgeTable(mesh), count);
+}
+
+std::vector<int> Parts(const TriangleMesh& mesh, const EdgeTable& edges, int* count) {
   std::vector<int32_t> parent(mesh.triangles.size());
   std::iota(parent.begin(), parent.end(), 0);
   const auto root = [&](int32_t i) {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
     return i;
   };
-  for (const auto& [edge, uses] : EdgeTable(mesh)) {
+  for (const auto& [edge, uses] : edges) {
     if (uses.size() == 2) parent[root(uses[0].triangle)] = root(uses[1].triangle);
   }
   std::vector<int> part(mesh.triangles.size()), number(mesh.triangles.size(), -1);
@@ -270,13 +274,14 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
 }
 
 void PointOutward(TriangleMesh& mesh, MeshReport& report) {
+  const EdgeTable edges(mesh);
   int count = 0;
-  const std::vector<int> part = Parts(mesh, &count);
+  const std::vector<int> part = Parts(mesh, edges, &count);
   // Middle of an open part's border: from there, the sign of its volume shows the side to which it
   // bulges. For a closed part any point is suitable.
   std::vector<Vector3d> about(count, Vector3d::Zero());
   std::vector<double> border(count, 0);
-  for (const auto& [edge, uses] : EdgeTable(mesh)) {
+  for (const auto& [edge, uses] : edges) {
     if (uses.size() == 2) continue;
     const Vector3d &a = mesh.vertices_mm[edge.first], &b = mesh.vertices_mm[edge.second];
     const double length = (b - a).norm();
@@ -311,16 +316,6 @@ void PointOutward(TriangleMesh& mesh, MeshReport& report) {
   DropUnusedVertices(mesh);
 }
 
-namespace {
-
-int Balance(std::span<const EdgeUse> uses) {
-  int balance = 0;
-  for (const EdgeUse& use : uses) balance += use.forward ? 1 : -1;
-  return balance;
-}
-
-}  // namespace
-
 void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report) {
   size_t crossed = 0;
   for (const auto& [edge, uses] : EdgeTable(mesh)) {
@@ -343,18 +338,29 @@ std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh) {
   return faces;
 }
 
-TriangleMesh ConeOverBorder(const TriangleMesh& mesh) {
-  TriangleMesh cone;
-  for (const auto& [edge, uses] : EdgeTable(mesh)) {
+TriangleMesh ConesOverBorder(const TriangleMesh& mesh) {
+  std::vector<int32_t> parent(mesh.vertices_mm.size());
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](int32_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
+  const EdgeTable edges(mesh);
+  for (const auto& [edge, uses] : edges) {
+    if (Balance(uses) != 0) parent[root(edge.first)] = root(edge.second);
+  }
+  TriangleMesh cones;
+  for (const auto& [edge, uses] : edges) {
     const int balance = Balance(uses);
     if (balance == 0) continue;
-    if (cone.vertices_mm.empty()) cone.vertices_mm = mesh.vertices_mm;
-    const int32_t apex = cone.triangles.empty() ? edge.first : cone.triangles[0][2];
+    if (cones.vertices_mm.empty()) cones.vertices_mm = mesh.vertices_mm;
+    const int32_t apex = root(edge.first);
+    if (edge.first == apex || edge.second == apex) continue;
     const auto [from, to] = balance > 0 ? std::pair(edge.second, edge.first) : edge;
-    for (int k = 0; k < std::abs(balance); ++k) cone.triangles.push_back({from, to, apex});
+    for (int k = 0; k < std::abs(balance); ++k) cones.triangles.push_back({from, to, apex});
   }
-  DropUnusedVertices(cone);
-  return cone;
+  DropUnusedVertices(cones);
+  return cones;
 }
 
 std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh) {

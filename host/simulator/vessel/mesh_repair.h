@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host/simulator/vessel/mesh_edges.h"
 #include "host/simulator/vessel/surface_mesh.h"
 #include "host/simulator/vessel/triangle_mesh.h"
 
@@ -39,8 +40,9 @@ void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report);
 /// does not separate two sides.
 std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh);
 
-/// Triangles that balance every edge of a mesh: a cone over its border. Empty for a closed mesh.
-TriangleMesh ConeOverBorder(const TriangleMesh& mesh);
+/// Triangles that balance every edge of a mesh: a cone over each connected part of its border.
+/// Empty for a closed mesh.
+TriangleMesh ConesOverBorder(const TriangleMesh& mesh);
 
 /// Pairs of triangles that share an edge.
 std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh);
@@ -50,6 +52,8 @@ void DropUnusedVertices(TriangleMesh& mesh);
 
 /// Index of the part of every triangle, joined over edges of two faces. count: number of parts.
 std::vector<int> Parts(const TriangleMesh& mesh, int* count);
+/// The same with the edges of the mesh.
+std::vector<int> Parts(const TriangleMesh& mesh, const EdgeTable& edges, int* count);
 
 /// Edges, as pairs of vertices, that a closed surface must not have.
 struct EdgeFaults {

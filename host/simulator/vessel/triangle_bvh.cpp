@@ -96,6 +96,7 @@ int32_t TriangleBvh::BuildNode(int32_t first, int32_t count, const std::vector<A
 }
 
 void TriangleBvh::FindNormals(const EdgeTable& edges) {
+  pseudonormals_.resize(faces_.size());
   std::vector<Vector3d> corners(mesh_.vertices_mm.size(), Vector3d::Zero());
   for (size_t i = 0; i < faces_.size(); ++i) {
     for (int corner = 0; corner < 3; ++corner) {
@@ -110,12 +111,12 @@ void TriangleBvh::FindNormals(const EdgeTable& edges) {
   for (const auto& [edge, uses] : edges) {
     Vector3d sum = Vector3d::Zero();
     for (const EdgeUse& use : uses) sum += faces_[use.triangle].normal;
-    for (const EdgeUse& use : uses) faces_[use.triangle].edge_normal[use.corner] = sum;
+    for (const EdgeUse& use : uses) pseudonormals_[use.triangle].edge[use.corner] = sum;
   }
   for (size_t i = 0; i < faces_.size(); ++i) {
     const auto& triangle = mesh_.triangles[i];
     for (int corner = 0; corner < 3; ++corner) {
-      faces_[i].corner_normal[corner] = corners[triangle[corner]];
+      pseudonormals_[i].corner[corner] = corners[triangle[corner]];
     }
   }
 }
@@ -223,9 +224,10 @@ double TriangleBvh::Signed(const Vector3d& p, const Hit& hit) const {
   const Face& face = faces_[hit.triangle];
   const double distance = std::sqrt(hit.squared);
   if (face.doubtful) return WindingNumber(p) > 0.5 ? distance : -distance;
+  const Pseudonormals& others = pseudonormals_[hit.triangle];
   const Vector3d& normal = hit.feature == 0   ? face.normal
-                           : hit.feature <= 3 ? face.edge_normal[hit.feature - 1]
-                                              : face.corner_normal[hit.feature - 4];
+                           : hit.feature <= 3 ? others.edge[hit.feature - 1]
+                                              : others.corner[hit.feature - 4];
   return hit.from.dot(normal) <= 0 ? distance : -distance;
 }
 

@@ -68,9 +68,9 @@ class TriangleBvh final : public DistanceSource {
   WholeSides WholeWindingNumbers(const Eigen::Vector3d& point_mm,
                                  const Eigen::Vector3d& step_mm) const;
 
-  /// The same by counting the triangles that rays cross, which is much quicker. `lid`: few
-  /// triangles that close the surface; null for a closed one. Returns nullopt if a ray passes too
-  /// close to an edge, or if a number is far from an integer.
+  /// The same by counting the triangles that a ray crosses, which is much quicker. `lid`: few
+  /// triangles that close the surface; null for a closed one. Returns nullopt if the ray passes
+  /// too close to an edge, or if a number is far from an integer.
   std::optional<WholeSides> CountCrossings(const Eigen::Vector3d& point_mm,
                                            const Eigen::Vector3d& step_mm,
                                            const TriangleBvh* lid) const;
@@ -94,9 +94,12 @@ class TriangleBvh final : public DistanceSource {
   struct Face {
     Eigen::Vector3d a, ab, ac, normal;
     double ab_ab, ab_ac, ac_ac, determinant;
-    Eigen::Vector3d corner_normal[3];
-    Eigen::Vector3d edge_normal[3];  // ab, bc, ca
     bool doubtful = false;
+  };
+  // Pseudonormals, which only signs need.
+  struct Pseudonormals {
+    Eigen::Vector3d corner[3];
+    Eigen::Vector3d edge[3];  // ab, bc, ca
   };
   struct Node {
     Eigen::AlignedBox3d box;
@@ -128,8 +131,8 @@ class TriangleBvh final : public DistanceSource {
                     const std::vector<Eigen::Vector3d>& centers);
   void FindNormals(const EdgeTable& edges);
   void MarkDoubtful(const EdgeTable& edges);
-  std::optional<long> CrossingsOf(const Eigen::Vector3d& from_mm,
-                                  const Eigen::Vector3d& direction) const;
+  std::optional<long> CrossingsOf(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
+                                  double length_mm) const;
   std::pair<double, double> WindingNumbersBeside(const Eigen::Vector3d& point_mm,
                                                  const Eigen::Vector3d& step_mm,
                                                  double dipole_ratio) const;
@@ -156,6 +159,7 @@ class TriangleBvh final : public DistanceSource {
   TriangleMesh mesh_;
   Signs signs_;
   std::vector<Face> faces_;
+  std::vector<Pseudonormals> pseudonormals_;  // per face; none without signs
   std::vector<Node> nodes_;
   std::vector<int32_t> order_;  // triangles, leaf by leaf
 };

@@ -176,14 +176,14 @@ namespace {
 
 // Offset of a point from the axis at u: v = p - axis(u). `along`: v's component along the tangent
 // t. `curved`: v . axis''(u).
-struct Offset {
+struct AxisOffset {
   Vector3d v, t;
   double along, curved;
 };
 
 template <typename Primitive>
-Offset OffsetAt(const Primitive& primitive, const Vector3d& p, double u) {
-  Offset offset;
+AxisOffset OffsetAt(const Primitive& primitive, const Vector3d& p, double u) {
+  AxisOffset offset;
   const Vector3d d = p - primitive.origin;
   if (primitive.is_arc) {
     const double angle = u / primitive.bend_radius - primitive.half_angle;
@@ -258,7 +258,7 @@ void TubeField::Differentiate(const Contact& contact, double round_mm, const Vec
                               Vector3d& gradient, Matrix3d& hessian) {
   const Primitive& primitive = *contact.primitive;
   double u = contact.u;
-  Offset offset;
+  AxisOffset offset;
   if (primitive.is_arc && contact.interior && primitive.constant_radius) {
     const Vector3d d = p - primitive.origin;
     const double along = d.dot(primitive.x), across = d.dot(primitive.y);

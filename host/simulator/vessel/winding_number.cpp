@@ -25,6 +25,7 @@ constexpr double kMostFractional = 0.35;
 constexpr double kFarSteps = 100;
 // Share of the product of lengths within which rounding may change the sign of a triple product.
 constexpr double kRounding = 1e-12;
+constexpr double kNoEnd = std::numeric_limits<double>::infinity();
 
 // Distance from the nearest integer.
 double Fraction(double number) { return std::abs(number - std::round(number)); }
@@ -95,53 +96,61 @@ TriangleBvh::WholeSides TriangleBvh::WholeWindingNumbers(const Vector3d& point_m
   return {std::lround(sides.first), std::lround(sides.second)};
 }
 
-// Winding number at the beginning of a ray: its crossings out of the surface less those into it.
-std::optional<long> TriangleBvh::CrossingsOf(const Vector3d& from_mm,
-                                             const Vector3d& direction) const {
+// Winding number at the beginning of a ray less that at its end. It is the number of crossings out
+// of the surface less that of crossings into it.
+std::optional<long> TriangleBvh::CrossingsOf(const Vector3d& from_mm, const Vector3d& direction,
+                                             double length_mm) const {
   long crossings = 0;
   bool is_certain = true;
-  WalkBoxesOnRay(
-      from_mm, direction, 0, std::numeric_limits<double>::infinity(), [&](int32_t triangle) {
-        // Moeller & Trumbore (1997), times the determinant.
-        const Face& face = faces_[triangle];
-        const Vector3d d = from_mm - face.a, h = direction.cross(face.ac), q = d.cross(face.ab);
-        const double determinant = face.ab.dot(h), sign = determinant < 0 ? -1 : 1;
-        const double longest = std::sqrt(std::max(face.ab_ab, face.ac_ac));
-        const double slack = kRounding * longest * (d.norm() + longest);
-        const double u = sign * d.dot(h), v = sign * direction.dot(q);
-        const double w = sign * determinant - u - v;
-        const double t = sign * face.ac.dot(q), t_slack = slack * longest;
-        if (u < -slack || v < -slack || w < -slack || t < -t_slack) return true;
-        if (u <= slack || v <= slack || w <= slack || t <= t_slack) return is_certain = false;
-        crossings += determinant < 0 ? 1 : -1;
-        return true;
-      });
+  WalkBoxesOnRay(from_mm, direction, 0, length_mm, [&](int32_t triangle) {
+    // Moeller & Trumbore (1997), times the determinant.
+    const Face& face = faces_[triangle];
+    const Vector3d d = from_mm - face.a, h = direction.cross(face.ac), q = d.cross(face.ab);
+    const double determinant = face.ab.dot(h), sign = determinant < 0 ? -1 : 1;
+    const double longest = std::sqrt(std::max(face.ab_ab, face.ac_ac));
+    const double slack = kRounding * longest * (d.norm() + longest);
+    const double u = sign * d.dot(h), v = sign * direction.dot(q);
+    const double w = sign * determinant - u - v;
+    const double t = sign * face.ac.dot(q), t_slack = slack * longest;
+    const double left = length_mm < kNoEnd ? sign * determinant * length_mm - t : kNoEnd;
+    if (u < -slack || v < -slack || w < -slack || t < -t_slack || left < -t_slack) return true;
+    if (u <= slack || v <= slack || w <= slack || t <= t_slack || left <= t_slack) {
+      return is_certain = false;
+    }
+    crossings += determinant < 0 ? 1 : -1;
+    return true;
+  });
   if (!is_certain) return std::nullopt;
   return crossings;
 }
 
 // The winding number of a surface and its lid is the number of crossings. That of the lid is found
-// from its solid angles, and subtracted.
+// from its solid angles, and subtracted. A ray gives the outer number. The faces on the short way
+// through the face give the difference of both numbers.
 std::optional<TriangleBvh::WholeSides> TriangleBvh::CountCrossings(const Vector3d& point_mm,
                                                                    const Vector3d& step_mm,
                                                                    const TriangleBvh* lid) const {
+  const Vector3d outward = step_mm.normalized();
   // Off the normal, because a normal meets the opposite edges of a regular tube.
-  const Vector3d direction = (step_mm.normalized() + Vector3d(0.137, -0.093, 0.071)).normalized();
-  long numbers[2] = {0, 0};
-  for (const int side : {0, 1}) {
-    const double sign = side == 0 ? 1 : -1;
-    const Vector3d from = point_mm + sign * step_mm, along = sign * direction;
-    const std::optional<long> crossings = CrossingsOf(from, along);
-    if (!crossings) return std::nullopt;
-    numbers[side] = *crossings;
-    if (lid == nullptr) continue;
-    const std::optional<long> of_lid = lid->CrossingsOf(from, along);
-    if (!of_lid) return std::nullopt;
-    const double own = lid->WindingNumber(from);
-    if (Fraction(own) > kMostFractional) return std::nullopt;
-    numbers[side] += *of_lid - std::lround(own);
+  const Vector3d direction = (outward + Vector3d(0.137, -0.093, 0.071)).normalized();
+  const Vector3d outer = point_mm + step_mm, inner = point_mm - step_mm;
+  const double through_mm = (outer - inner).norm();
+  WholeSides sides{0, 0};
+  for (const TriangleBvh* mesh : {this, lid}) {
+    if (mesh == nullptr) continue;
+    const std::optional<long> out = mesh->CrossingsOf(outer, direction, kNoEnd);
+    if (!out) return std::nullopt;
+    const std::optional<long> through = mesh->CrossingsOf(outer, -outward, through_mm);
+    if (!through) return std::nullopt;
+    sides.outer += *out;
+    sides.inner += *out - *through;
   }
-  return WholeSides{numbers[0], numbers[1]};
+  if (lid == nullptr) return sides;
+  const double own_outer = lid->WindingNumber(outer), own_inner = lid->WindingNumber(inner);
+  if (Fraction(own_outer) > kMostFractional || Fraction(own_inner) > kMostFractional) {
+    return std::nullopt;
+  }
+  return WholeSides{sides.outer - std::lround(own_outer), sides.inner - std::lround(own_inner)};
 }
 
 }  // namespace torquer::vessel
