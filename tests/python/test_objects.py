@@ -83,7 +83,9 @@ def test_devices_are_those_of_scenes(phantom):
         device = torquer.device(name)
         assert device.kind in ("guidewire", "catheter") and device.product and device.sources[0]["citation"]
         # The scene reads the file itself.
-        one = phantom.with_values({"instrument.guidewire.radius_mm": None, "instrument.guidewire.device": name}).instruments[0]
+        of_scene = ("radius_mm", "tip_mm", "tip_angle_deg")
+        values = {f"instrument.guidewire.{key}": None for key in of_scene}
+        one = phantom.with_values({**values, "instrument.guidewire.device": name}).instruments[0]
         assert one.tip_radius_mm == np.atleast_1d(device.instrument["radius_mm"])[0], name
         assert one.inner_radius_mm == device.instrument.get("inner_radius_mm", 0)
     with pytest.raises(torquer.Error, match="no device 'sion_red'; did you mean sion. there are: amplatz, .*sion_blue"):
