@@ -50,12 +50,16 @@ LiveCommands::LiveCommands(const scene::Scene& scene)
   for (Source& source : sources_) source.origin_us = now_us;
 }
 
-// Index of an instrument; -1 if there is none of that name.
-int LiveCommands::FindInstrument(const std::string& name) const {
+// Index of the instrument of a command; -1 if there is none of that name, which is reported.
+int LiveCommands::FindInstrument(const std::string& name, const bus::Sender& sender,
+                                 std::int64_t now_us) {
   const std::vector<effects::Instrument>& all = scene_.instruments();
   const auto found =
       std::find_if(all.begin(), all.end(), [&](const auto& one) { return one.name == name; });
-  return found == all.end() ? -1 : static_cast<int>(found - all.begin());
+  if (found != all.end()) return static_cast<int>(found - all.begin());
+  ++unknown_;
+  SayUnknown(name, sender, now_us);
+  return -1;
 }
 
 bool LiveCommands::Owns(const Source& source, std::int64_t now_us) const {
@@ -64,12 +68,8 @@ bool LiveCommands::Owns(const Source& source, std::int64_t now_us) const {
 
 void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
                         std::int64_t now_us) {
-  const int k = FindInstrument(message.instrument);
-  if (k < 0) {
-    ++unknown_;
-    SayUnknown(message.instrument, sender, now_us);
-    return;
-  }
+  const int k = FindInstrument(message.instrument, sender, now_us);
+  if (k < 0) return;
   const std::string& name = scene_.instruments()[static_cast<std::size_t>(k)].name;
   Source& source = sources_[static_cast<std::size_t>(k)];
   if (!Accepts(source, name, message.sequence, sender, now_us)) return;
@@ -214,12 +214,8 @@ void LiveCommands::Take(const torquer_lcm::injector_command_t& message, const bu
 
 void LiveCommands::Take(const torquer_lcm::exchange_command_t& message, const bus::Sender& sender,
                         std::int64_t now_us) {
-  const int k = FindInstrument(message.instrument);
-  if (k < 0) {
-    ++unknown_;
-    SayUnknown(message.instrument, sender, now_us);
-    return;
-  }
+  const int k = FindInstrument(message.instrument, sender, now_us);
+  if (k < 0) return;
   if (!Accepts(exchanges_, "exchange of instruments", message.sequence, sender, now_us)) return;
   const bool repeats = exchanges_.owner == sender && message.order == exchange_number_;
   exchanges_.sequence = message.sequence;

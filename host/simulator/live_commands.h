@@ -109,7 +109,7 @@ class LiveCommands {
   void Say(const std::string& what);
   void Combine();
 
-  int FindInstrument(const std::string& name) const;
+  int FindInstrument(const std::string& name, const bus::Sender& sender, std::int64_t now_us);
 
   const scene::Scene& scene_;
   const InstrumentPoses start_;

@@ -84,9 +84,16 @@ test("a withdrawn catheter becomes the chosen device, and moves on", async () =>
 });
 
 test("the figures have the estimated error, also after the exchange", async () => {
-  const plotted = () => page.evaluate(() => window.torquer.plotted().error ?? 0);
-  const before = await plotted();
-  await until("newer values", async () => (await plotted()) > before);
+  const reading = () => page.evaluate(() => {
+    const { time_s, values } = window.torquer.readings();
+    return { timeS: time_s, errorMm: values["segment_error_mm"] };
+  });
+  const before = await reading();
+  await until("a newer value", async () => {
+    const { timeS, errorMm } = await reading();
+    return timeS > before.timeS && Number.isFinite(errorMm);
+  });
+  await until("it is plotted", () => page.evaluate(() => window.torquer.plotted().error > 0));
 });
 
 test("the simulator's refusal is shown", async () => {
