@@ -9,7 +9,7 @@ namespace torquer::study {
 
 /// Length of the wire at the end of the feeds, mm. The quick value is for tests.
 inline constexpr double kDrivenMm = 250;
-inline constexpr double kDrivenQuickMm = 100;
+inline constexpr double kDrivenQuickMm = 60;
 
 /// Feeds a wire up to `length_mm` by 0.02 to 0.1 mm per tick of 1 ms. The X-ray pedal and the
 /// contrast button are held down.

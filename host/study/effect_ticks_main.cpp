@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
       "torquer-effect-ticks",
       "Runs the ticks for which 'torquer-study effects' counts instructions under callgrind.");
   Arguments arguments;
-  program.options().Flag("--quick", arguments.quick, "use a wire of 100 mm instead of 250 mm");
+  program.options().Flag("--quick", arguments.quick, "use a wire of 60 mm instead of 250 mm");
   program.options().Operand("FEEDS", arguments.feeds,
                             "number of feeds to count in each scene, 1 to 1000000",
                             torquer::ValueKind::kText);

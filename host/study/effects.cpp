@@ -74,7 +74,7 @@ offset_mm = [0.4, 0]
 )";
 // Number of feeds with counted instructions: each takes some 5 ms.
 constexpr int kCounted = 60;
-constexpr int kCountedQuick = 15;
+constexpr int kCountedQuick = 6;
 
 // Measured scene: its effects and number of instruments.
 struct Case {

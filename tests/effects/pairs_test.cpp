@@ -119,7 +119,9 @@ void CheckStaysInside(const std::string& path, bool alone) {
     }
     return simulation.state_hash();
   };
-  CHECK(run() == run());
+  const auto first = run();
+  // A sanitizer finds its errors in the first run.
+  if (!kUnderSanitizer) CHECK(run() == first);
 }
 
 TEST_CASE("A wire that starts inside stays inside with every pair of effects, and repeats") {

@@ -10,6 +10,7 @@
 
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/brick_field.h"
+#include "tests/support/sanitizer.h"
 
 namespace {
 
@@ -29,7 +30,8 @@ BrickErrors Compare(const Vessel& vessel, std::uint64_t seed) {
   std::uniform_real_distribution<double> any(0, 1);
   std::normal_distribution<double> normal;
   BrickErrors errors;
-  while (errors.distance_um.size() < 4000) {
+  constexpr std::size_t kPlaces = torquer::test::Rounds(4000, 8);
+  while (errors.distance_um.size() < kPlaces) {
     const auto& curves = vessel.centerlines.curves();
     const auto& curve = curves[random() % curves.size()];
     const auto at = curve.At(any(random) * curve.length_mm());

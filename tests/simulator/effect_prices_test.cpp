@@ -9,6 +9,7 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 #include "tests/support/paths.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/temporary_folder.h"
 
 using torquer::simulator::Command;
@@ -145,7 +146,7 @@ TEST_CASE("Measuring prices does not change the simulation", "[simulator]") {
   Simulation priced(priced_scene, &prices);
   Simulation plain(plain_scene);
   REQUIRE(priced.state_hash() == plain.state_hash());
-  for (int k = 1; k <= 40; ++k) {
+  for (int k = 1; k <= torquer::test::Rounds(40, 4); ++k) {
     Command command;
     command.time_s = 0.01 * k;
     command.target = priced_scene.start();
