@@ -36,6 +36,7 @@ CONTROLLER_SIGNALS = {
     "X-ray pedal, to ground": "XRAY",
     "contrast button, to ground": "CONTRAST",
     "clutch button, to ground": "CLUTCH",
+    "stick button, to ground": "STICK",
     "joystick x wiper": "JOYSTICK_X",
     "joystick y wiper": "JOYSTICK_Y",
     "end switch, to ground": "REFERENCE",
@@ -83,6 +84,7 @@ def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
         "XRAY": r"XRAY_BIT (\d) +// (P\w\d) \((\w+)\)",
         "CONTRAST": r"CONTRAST_BIT (\d) +// (P\w\d) \((\w+)\)",
         "CLUTCH": r"CLUTCH_BIT (\d) +// (P\w\d) \((\w+)\)",
+        "STICK": r"STICK_BIT (\d) +// (P\w\d) \((\w+)\)",
         "REFERENCE": r"REFERENCE_BIT (\d) +// (P\w\d) \((\w+)\)",
         "JOYSTICK_X": r"JOYSTICK_X_CHANNEL (\d) +// (P\w\d) \((\w+)\)",
         "JOYSTICK_Y": r"JOYSTICK_Y_CHANNEL (\d) +// (P\w\d) \((\w+)\)",
@@ -206,17 +208,18 @@ INK = {
     "blue": "#1f5fbf",
     "violet": "#7a3fb0",
     "gray": "#707070",
+    "brown": "#7a4a21",
 }
 PITCH = 24
 # Part: left edge, top, width; pins on its left side, on its right side.
 PLACES = {
-    "joystick": (180, 70, 120, [], ["+5V", "GND", "VRx", "VRy"]),
+    "joystick": (180, 50, 120, [], ["+5V", "GND", "VRx", "VRy", "SW"]),
     "pedal jack": (5, 215, 100, [], ["tip", "sleeve"]),
     "pedal filter": (180, 215, 120, ["IN"], ["OUT", "GND"]),
     "contrast button": (180, 310, 120, [], ["1", "2"]),
     "clutch button": (180, 405, 120, [], ["1", "2"]),
     "end switch": (150, 500, 150, [], ["1", "2"]),
-    "controller": (440, 150, 185, ["A0", "A1", "2", "3", "4", "5"],
+    "controller": (440, 150, 185, ["A0", "A1", "6", "2", "3", "4", "5"],
                    ["VCC", "GND", "10", "15", "16", "14", "9"]),
     "second sensor module": (760, 490, 190, ["VI", "GD", "SS", "SC", "MO", "MI"], []),
     "level shifter": (895, 290, 120, ["A1", "A2", "A3", "A4", "VREF_A"],

@@ -96,7 +96,7 @@ uint16_t FinishAdc();
 /// Present state of the pins, with bounces: protocol::Button bits and kReferenceSwitch, 1 while
 /// closed.
 uint8_t ReadButtons();
-constexpr uint8_t kReferenceSwitch = 1 << 3;
+constexpr uint8_t kReferenceSwitch = 1 << 4;
 
 // --- EEPROM ------------------------------------------------------------------------------------
 

@@ -27,8 +27,8 @@ constexpr uint8_t kSecondSensorGood = 1 << 3;
 
 constexpr uint8_t kCapabilities = protocol::kCapabilityClosedAtRest | protocol::kCapabilitySupply;
 
-constexpr uint8_t kButtonMask =
-    protocol::kButtonXray | protocol::kButtonContrast | protocol::kButtonClutch;
+constexpr uint8_t kButtonMask = protocol::kButtonXray | protocol::kButtonContrast |
+                                protocol::kButtonClutch | protocol::kButtonStick;
 
 }  // namespace
 

@@ -20,7 +20,7 @@ class Buttons {
   uint8_t held() const { return held_; }
 
  private:
-  static constexpr uint8_t kCount = 4;
+  static constexpr uint8_t kCount = 5;
   uint8_t held_ = 0;
   bool counting_ = false;           // a reading has differed, and the change is not confirmed yet
   uint8_t differing_[kCount] = {};  // readings in a row that differ from held_

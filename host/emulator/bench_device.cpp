@@ -25,7 +25,8 @@ struct ButtonWire {
 };
 constexpr ButtonWire kButtonWires[] = {{protocol::kButtonXray, 'D', 1},
                                        {protocol::kButtonContrast, 'D', 0},
-                                       {protocol::kButtonClutch, 'D', 4}};
+                                       {protocol::kButtonClutch, 'D', 4},
+                                       {protocol::kButtonStick, 'D', 7}};
 constexpr char kReferencePort = 'C';
 constexpr int kReferenceBit = 6;
 constexpr int kJoystickXChannel = 7;

@@ -60,9 +60,11 @@ class RowReader {
         buttons |= protocol::kButtonContrast;
       } else if (name == "clutch") {
         buttons |= protocol::kButtonClutch;
+      } else if (name == "stick") {
+        buttons |= protocol::kButtonStick;
       } else {
         Fail("button '" + name +
-             "' is unknown; give xray, contrast, clutch, several joined by +, or none");
+             "' is unknown; give xray, contrast, clutch, stick, several joined by +, or none");
       }
     }
     return buttons;

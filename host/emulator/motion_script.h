@@ -26,7 +26,7 @@ class MotionScript {
 
   /// Reads `time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons`, and, for two sensors,
   /// also `catheter_insertion_mm,catheter_rotation_rad`. Each row has one time, and times rise.
-  /// `buttons` is `none`, empty, or names among xray, contrast, clutch joined by `+`. Throws
+  /// `buttons` is `none`, empty, or names among xray, contrast, clutch, stick joined by `+`. Throws
   /// UserError naming file, line, the value and the remedy.
   static MotionScript FromFile(const std::string& path);
 

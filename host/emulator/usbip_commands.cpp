@@ -88,7 +88,7 @@ std::string UsbipCommands::Do(const std::string& line) {
   if (command == "buttons") {
     int bits = 0;
     words >> bits;
-    if (!words || bits < 0 || bits > 7) return "error: buttons BITS takes a number from 0 to 7";
+    if (!words || bits < 0 || bits > 15) return "error: buttons BITS takes a number from 0 to 15";
     hand.buttons = static_cast<std::uint8_t>(bits);
     hand_.Glide(now_s, hand, 0);
     return "ok";

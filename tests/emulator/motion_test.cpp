@@ -224,5 +224,28 @@ TEST_CASE("joystick and buttons arrive") {
   CHECK(bench.last.buttons == (protocol::kButtonXray | protocol::kButtonClutch));
 }
 
+TEST_CASE("each button arrives alone, beside a closed end switch too") {
+  for (const bool is_home : {false, true}) {
+    BenchOptions options;
+    if (is_home) options.reference_switch_mm = 1;
+    Bench bench(options);
+    std::uint8_t held = 0;
+    bench.device.SetHand([&held](double) {
+      HandState hand;
+      hand.buttons = held;
+      return hand;
+    });
+    bench.Start();
+    bench.Run(0.1);
+    for (const protocol::Button button : {protocol::kButtonXray, protocol::kButtonContrast,
+                                          protocol::kButtonClutch, protocol::kButtonStick}) {
+      held = button;
+      bench.Run(0.1);
+      CHECK(bench.last.buttons == button);
+      CHECK(((bench.last.flags & protocol::kFlagAtReference) != 0) == is_home);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace torquer::emulator

@@ -275,7 +275,8 @@ MotionScript Script(const std::string& text) {
 
 TEST_CASE("a motion file is linear between its rows and constant outside of them") {
   const MotionScript script =
-      Script(std::string(kHeader) + "1,10,0,0,-1,none\n3,20,4,1,0,xray+clutch\n4,20,4,1,0,\n");
+      Script(std::string(kHeader) +
+             "1,10,0,0,-1,none\n3,20,4,1,0,xray+clutch\n4,20,4,1,0,stick\n5,20,4,1,0,\n");
   CHECK(script.At(0).insertion_mm == 10);
   CHECK(script.At(2).insertion_mm == 15);
   CHECK(script.At(2).rotation_rad == 2);
@@ -283,9 +284,10 @@ TEST_CASE("a motion file is linear between its rows and constant outside of them
   CHECK(script.At(2).joystick_y == -0.5);
   CHECK(script.At(2.9).buttons == 0);
   CHECK(script.At(3).buttons == (protocol::kButtonXray | protocol::kButtonClutch));
+  CHECK(script.At(4).buttons == protocol::kButtonStick);
   CHECK(script.At(9).insertion_mm == 20);
   CHECK(script.At(9).buttons == 0);
-  CHECK(script.duration_s() == 4);
+  CHECK(script.duration_s() == 5);
 }
 
 TEST_CASE("a bad motion file is refused with line, value and remedy") {

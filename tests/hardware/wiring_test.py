@@ -36,12 +36,13 @@ class Wiring(unittest.TestCase):
         wires[index] = replace(wires[index], **changes)
         return wiring.problems(wires, self.pins)
 
-    def test_firmware_has_all_eleven_signals(self):
-        self.assertEqual(len(self.pins), 11)
+    def test_firmware_has_all_twelve_signals(self):
+        self.assertEqual(len(self.pins), 12)
         self.assertEqual(self.pins["NCS_2"], ("PB5", "9"))
         self.assertEqual(self.pins["NCS"], ("PB6", "10"))
         self.assertEqual(self.pins["JOYSTICK_X"], ("PF7", "A0"))
         self.assertEqual(self.pins["REFERENCE"], ("PC6", "5"))
+        self.assertEqual(self.pins["STICK"], ("PD7", "6"))
 
     def test_wiring_is_right(self):
         self.assertEqual(wiring.problems(self.wires, self.pins), [])

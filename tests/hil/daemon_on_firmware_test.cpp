@@ -98,6 +98,28 @@ TEST_CASE("The instrument moves by the counts of the firmware's sensor, count fo
   CHECK(bench.daemon->Wait() == 0);
 }
 
+TEST_CASE("Each press of the stick gives it to the next: table, height of the table, C-arm") {
+  Bench bench;
+  const auto is_given = [&](std::int32_t flag) {
+    return bench.listener.Until([&] {
+      return (bench.listener.commands.back().flags &
+              (torquer::protocol::kCommandStickTable | torquer::protocol::kCommandStickHeight)) ==
+             flag;
+    });
+  };
+  constexpr std::int32_t kGivenTo[] = {torquer::protocol::kCommandStickTable,
+                                       torquer::protocol::kCommandStickHeight, 0};
+  for (const std::int32_t flag : kGivenTo) {
+    for (const int held : {static_cast<int>(torquer::protocol::kButtonStick), 0}) {
+      bench.hand.Hold(static_cast<std::uint8_t>(held));
+      REQUIRE(bench.listener.Until([&] {
+        return !bench.listener.samples.empty() && bench.listener.samples.back().buttons == held;
+      }));
+      CHECK(is_given(flag));
+    }
+  }
+}
+
 TEST_CASE("The chain continues without a jump after unplug, reset, stall and short transfers") {
   Bench bench;
   const std::size_t connection = bench.listener.commands.size();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,11 +35,15 @@ class PushingHand {
     HandState hand;
     hand.insertion_mm = 100.0 * done;
     hand.rotation_rad = 2.0 * done;
+    hand.buttons = held_;
     return hand;
   }
   void Push() { asked_ = true; }
+  /// Holds these buttons (protocol::Button bits) from now on.
+  void Hold(std::uint8_t buttons) { held_ = buttons; }
 
  private:
+  std::atomic<std::uint8_t> held_ = 0;
   std::atomic<bool> asked_ = false;
   double from_ = 0.0, to_ = 0.0, start_s_ = 0.0;
 };

@@ -124,8 +124,8 @@ void SetUp() {
   SPCR = _BV(SPE) | _BV(MSTR) | _BV(CPOL) | _BV(CPHA);
 #endif
 
-  TORQUER_BUTTON_PORT |=
-      _BV(TORQUER_XRAY_BIT) | _BV(TORQUER_CONTRAST_BIT) | _BV(TORQUER_CLUTCH_BIT);
+  TORQUER_BUTTON_PORT |= _BV(TORQUER_XRAY_BIT) | _BV(TORQUER_CONTRAST_BIT) |
+                         _BV(TORQUER_CLUTCH_BIT) | _BV(TORQUER_STICK_BIT);
   TORQUER_REFERENCE_PORT |= _BV(TORQUER_REFERENCE_BIT);
 
   // Unused pins and the LEDs: a bootloader may have left them as outputs, so they are set up here.
@@ -361,6 +361,7 @@ uint8_t ReadButtons() {
       (pins & _BV(TORQUER_XRAY_BIT) ? 0 : protocol::kButtonXray) |
       (pins & _BV(TORQUER_CONTRAST_BIT) ? 0 : protocol::kButtonContrast) |
       (pins & _BV(TORQUER_CLUTCH_BIT) ? 0 : protocol::kButtonClutch) |
+      (pins & _BV(TORQUER_STICK_BIT) ? 0 : protocol::kButtonStick) |
       (TORQUER_REFERENCE_PIN & _BV(TORQUER_REFERENCE_BIT) ? 0 : kReferenceSwitch));
 }
 

@@ -17,6 +17,7 @@
 #define TORQUER_XRAY_BIT 1      // PD1 (2)
 #define TORQUER_CONTRAST_BIT 0  // PD0 (3)
 #define TORQUER_CLUTCH_BIT 4    // PD4 (4)
+#define TORQUER_STICK_BIT 7     // PD7 (6)
 
 // The end switch, to ground, pulled up likewise; not every device has one.
 #define TORQUER_REFERENCE_PORT PORTC
@@ -31,6 +32,6 @@
 // suspend. PD5 is one of them; its pull-up keeps the TX LED off. PC7 is driven low, which keeps LED
 // 13 off. PE2 has a resistor on the board.
 #define TORQUER_UNUSED_B 0xb0  // PB4, PB5, PB7
-#define TORQUER_UNUSED_D 0xec  // PD2, PD3, PD5, PD6, PD7
+#define TORQUER_UNUSED_D 0x6c  // PD2, PD3, PD5, PD6
 #define TORQUER_UNUSED_E 0x40  // PE6
 #define TORQUER_UNUSED_F 0x33  // PF0, PF1, PF4, PF5

@@ -314,7 +314,7 @@ TEST_CASE("Commands: the power is cut at a page operation of the flash") {
 TEST_CASE("Commands: impossible ones are reported") {
   Bench bench;
   for (const char* line : {"", "fly", "move 1 2", "move 1 2 -1", "move nan 0 1", "stick 2 0",
-                           "buttons 8", "stick", "cut", "cut 0", "then 1"}) {
+                           "buttons 16", "buttons -1", "stick", "cut", "cut 0", "then 1"}) {
     CHECK(bench.commands.Do(line).starts_with("error: "));
   }
   CHECK(bench.commands.Do("state").find("\"ready\":true") != std::string::npos);
