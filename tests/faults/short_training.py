@@ -1,4 +1,4 @@
-"""torquer train, with a stand-in for the learning, which takes hours otherwise. It saves the policy twice."""
+"""torquer train, with a stand-in for the learning, which takes minutes otherwise. It saves the policy twice."""
 
 import sys
 
@@ -6,9 +6,9 @@ import numpy as np
 from torquer import __main__, baselines
 
 
-def updates(name, realistic, seed):
+def updates(name, realistic, steps, seed):
     for episodes in (1, 2):
-        yield episodes, 1, [np.full((2, 2), episodes), np.zeros(2)]
+        yield 2048 * episodes, episodes, 1, [np.full((2, 2), episodes), np.zeros(2)]
 
 
 baselines._updates = updates

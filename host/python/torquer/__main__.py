@@ -15,12 +15,15 @@ def _add_baselines(commands: Any) -> None:
     teach.add_argument("task", metavar="TASK", help=f"the task: {', '.join(steve.NAMES)}")
     teach.add_argument("policy", metavar="POLICY", help="file of the policy to write, .npz")
     teach.add_argument("--realistic", action="store_true", help="stiffness and friction of real devices")
-    teach.add_argument("--steps", type=int, default=300_000, metavar="N", help="steps of the training (default: 300000)")
+    teach.add_argument("--steps", type=int, default=150_000, metavar="N", help="steps of the training (default: 150000)")
     teach.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the training (default: 1)")
     test = commands.add_parser("evaluate", help="test policies of torquer train in held-out episodes")
     test.add_argument("policies", metavar="POLICY", nargs="*", help="files of policies")
     test.add_argument("--pushed", metavar="TASK", help=f"also test pushing alone in a task: {', '.join(steve.NAMES)}")
-    test.add_argument("--realistic", action="store_true", help="--pushed: stiffness and friction of real devices")
+    test.add_argument("--taught", metavar="TASK", help="also test the teacher of torquer train, which sees the whole state")
+    test.add_argument(
+        "--realistic", action="store_true", help="--pushed, --taught: stiffness and friction of real devices"
+    )
     test.add_argument("--episodes", type=int, default=100, metavar="N", help="episodes of each policy (default: 100)")
     test.add_argument("--training", action="store_true", help="steps as accurate as in the training, and faster")
     test.add_argument("--json", action="store_true", help="print one line of JSON")
@@ -35,22 +38,20 @@ def _train(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
-    if not arguments.policies and not arguments.pushed:
-        raise Error("there is nothing to test; give a POLICY or --pushed TASK")
-    if arguments.realistic and not arguments.pushed:
-        raise Error("--realistic is for --pushed; a POLICY has its own task")
-    policies = [(path, baselines.load(path)) for path in arguments.policies]
+    others = ((arguments.pushed, baselines.pushed, "only pushed"), (arguments.taught, baselines.taught, "teacher"))
+    asked = [(name, arguments.realistic, begin, label) for name, begin, label in others if name]
+    if not arguments.policies and not asked:
+        raise Error("there is nothing to test; give a POLICY, --pushed TASK or --taught TASK")
+    if arguments.realistic and not asked:
+        raise Error("--realistic is for --pushed and --taught; a POLICY has its own task")
+    for path in arguments.policies:
+        policy = baselines.load(path)
+        label = f"{path}, seed {policy.seed}, {policy.curve[-1][0]:.0f} steps"
+        asked.append((policy.task, policy.realistic, policy.begin, label))
     rows = []
-    if arguments.pushed:
-        found = baselines.evaluate(
-            arguments.pushed, arguments.realistic, None, arguments.episodes, arguments.training, sys.stderr
-        )
-        rows.append({**found, "policy": "only pushed"})
-    for path, policy in policies:
-        found = baselines.evaluate(
-            policy.task, policy.realistic, policy.act, arguments.episodes, arguments.training, sys.stderr
-        )
-        rows.append({**found, "policy": f"{path}, seed {policy.seed}, {policy.curve[-1][0]:.0f} steps"})
+    for name, realistic, begin, label in asked:
+        found = baselines.evaluate(name, realistic, begin, arguments.episodes, arguments.training, sys.stderr)
+        rows.append({**found, "policy": label})
     print(json.dumps(rows) if arguments.json else baselines.as_table(rows))
     return 0
 

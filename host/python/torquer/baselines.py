@@ -1,10 +1,11 @@
 """Baselines of the tasks in torquer.steve: torquer train makes a policy, torquer evaluate tests policies.
 
-A policy is trained by the PPO of torquer.examples.train_ppo, at the accuracy of training, with the published
-observation and actions. Its reward is that of NavigationEnv: progress in mm / 10, -0.01 for each step, +10 at the
-target. Episodes of the training end after 250 steps, or at an end of the vessel. In ArchVariety they take place in 48
-arches. The file of a policy has the hash of the build. Another build may find other shapes, so an evaluation refuses the
-file.
+A policy learns from a scripted teacher, which sees the whole state of the simulation and of the vessel. The method is
+DAgger (Ross, Gordon and Bagnell 2011): the policy steers, the teacher says at each step how it would steer, and the
+policy learns that by regression. The policy sees the published observation alone, and sets the published actions. It
+has a memory, a gated recurrent unit (Cho et al. 2014). Training is at the accuracy of training; its episodes end after
+150 steps. In ArchVariety they take place in 48 arches. The file of a policy has the hash of the build. Another build
+may find other shapes, so an evaluation refuses the file.
 """
 
 from __future__ import annotations
@@ -26,30 +27,70 @@ import numpy.typing as npt
 from . import Error, __build__, steve
 from ._command import need
 from ._navigation import whole
+from ._teacher import Teacher
 from ._user_file import open_file
 
 Array = npt.NDArray[Any]
-Act = Callable[[Array], Array]
-"""Speeds as fractions of the limits, from the features of an observation."""
+Observation = Dict[str, Array]
+Act = Callable[[Observation], Array]
+"""Speeds as fractions of the limits, shape (instruments, 2), from an observation. It may remember the episode."""
+Begin = Callable[[steve.SteveEnv, Dict[str, Any]], Act]
+"""Act for the episode that a reset has begun, from the environment and the info of the reset."""
 
 HELD_OUT_SEED = 1_000_000
 """Seed of the first episode of an evaluation. Training draws its episodes from other seeds."""
-_COUNT = 16
-_LENGTH = 128
-_TRAINING_STEPS = 250
+_WIDTH = 64  # of the network
+_WEIGHTS = 8  # arrays of its three layers
+_UPDATE_STEPS = 4096  # of the environment, for each update
+_SAMPLES = 150_000  # steps that an update learns from, some of them several times
+_EPISODES = 24  # that the regression takes at once
+_TRAINING_STEPS = 150
+_TAUGHT = 4  # updates after which the teacher no longer steers
 _ARCHES = 48
-_SAVED = 8  # updates between two saves
+_SAVED = 4  # updates between two saves
+_LEARNING_RATE = 2e-3
+
 # Differences between places in the picture, in units of its half, to about one.
 _SCALE = 30.0
+_LONGEST_MM, _LARGEST_RAD = (speed * steve.STEP_S for speed in steve.SPEEDS)
 
 
-def features(observation: Dict[str, Array]) -> Array:
-    """Linear features of an observation: place of the tip; other tracked points and the target, from the tip; action."""
-    tracking, target = observation["tracking"], observation["target"]
-    tip = tracking[0, 0]
-    near = _SCALE * (tracking.reshape(-1, 2)[1:] - tip)
-    parts = [tip, near.ravel(), target, 4 * (target - tip), observation["last_action"].ravel()]
-    out: Array = np.clip(np.concatenate(parts), -5, 5).astype(np.float32)
+class _Senses:
+    """Features of the observations of an episode."""
+
+    def __init__(self) -> None:
+        self._turned_rad = self._fed_mm = 0.0
+        self._bend = np.zeros(2)
+
+    def __call__(self, observation: Observation) -> Array:
+        """Places and the action; waves of the tip and the target; sums of the wire's actions so far, and the bend."""
+        tracking, target, action = (observation[name].astype(float) for name in ("tracking", "target", "last_action"))
+        tip = tracking[0, 0]
+        near = _SCALE * (tracking.reshape(-1, 2)[1:] - tip)
+        octaves = np.pi * 2.0 ** np.arange(5)
+        waves = np.concatenate([np.outer(octaves, tip).ravel(), np.outer(octaves[:3], target).ravel()])
+        way = target - tip
+        parts = [tip, near.ravel(), target, 4 * way, 10 * way, action.ravel(), np.sin(waves), np.cos(waves)]
+        out: Array = np.clip(np.concatenate([*parts, self._summed(tracking[0], action[0])]), -5, 5).astype(np.float32)
+        return out
+
+    def _summed(self, points: Array, action: Array) -> Array:
+        """Rotation and feed so far; the bend in the picture, and what of it goes with the rotation."""
+        self._fed_mm = max(0.0, self._fed_mm + action[0] * _LONGEST_MM)
+        self._turned_rad += action[1] * _LARGEST_RAD
+        first, second = _SCALE * (points[0] - points[1]), _SCALE * (points[1] - points[2])
+        lengths = np.linalg.norm(first) * np.linalg.norm(second)
+        bend = 20 * (first[0] * second[1] - first[1] * second[0]) / (lengths + 0.05)
+        cos, sin = np.cos(self._turned_rad), np.sin(self._turned_rad)
+        self._bend += 0.1 * (bend * np.array([cos, sin]) - self._bend)
+        along = 2 * np.array([[cos, sin], [sin, -cos]]) @ self._bend
+        fed = self._fed_mm / np.array([10.0, 30.0])
+        out: Array = np.concatenate([[bend, cos, sin], along, [self._fed_mm / 200], np.sin(fed), np.cos(fed)])
+        return out
+
+
+def _sigmoid(x: Array) -> Array:
+    out: Array = 1 / (1 + np.exp(-x))
     return out
 
 
@@ -61,17 +102,29 @@ class Policy:
     realistic: bool
     seed: int
     weights: List[Array]
-    """Matrix and offset of each layer. All layers but the last one have tanh."""
+    """Matrix and offset of the first layer; two matrices and two offsets of the gated recurrent unit, as in PyTorch;
+    matrix and offset of the last layer."""
     curve: Array
-    """Learning curve: rows of steps, episodes, episodes that reached the target, seconds."""
+    """Learning curve: rows of steps, episodes that the policy steered alone, those that reached the target, seconds."""
 
-    def act(self, x: Array) -> Array:
-        """Fractions of the speeds, for the features of one observation."""
-        for k in range(0, len(self.weights), 2):
-            x = self.weights[k] @ x + self.weights[k + 1]
-            x = np.tanh(x) if k + 2 < len(self.weights) else x
-        out: Array = np.clip(x, -1, 1)
-        return out
+    def begin(self, env: steve.SteveEnv, info: Dict[str, Any]) -> Act:
+        """Act for one episode. It uses the observations alone."""
+        senses, memory = _Senses(), np.zeros(len(self.weights[0]), np.float32)
+
+        def act(observation: Observation) -> Array:
+            memory[:], shares = self.step(senses(observation), memory)
+            return shares.reshape(-1, 2)
+
+        return act
+
+    def step(self, x: Array, memory: Array) -> Tuple[Array, Array]:
+        """Next memory, and fractions of the speeds, for the features of an observation."""
+        first, first_offset, inner, own, inner_offset, own_offset, last, last_offset = self.weights
+        new = np.split(inner @ np.tanh(first @ x + first_offset) + inner_offset, 3)
+        old = np.split(own @ memory + own_offset, 3)
+        reset, keep = _sigmoid(new[0] + old[0]), _sigmoid(new[1] + old[1])
+        memory = (1 - keep) * np.tanh(new[2] + reset * old[2]) + keep * memory
+        return memory, np.tanh(last @ memory + last_offset)
 
     def save(self, path: str) -> None:
         """Writes the policy as a new file, .npz. An existing file is refused."""
@@ -116,6 +169,8 @@ def load(path: str) -> Policy:
             about = json.loads(str(file["about"]))
             build, task = about["build"], about["task"]
             weights = [file[f"weight_{k}"] for k in range(sum(name.startswith("weight_") for name in file.files))]
+            if len(weights) != _WEIGHTS:
+                raise KeyError("weights")
             policy = Policy(task, about["realistic"], about["seed"], weights, file["curve"])
     except Error:
         raise
@@ -126,33 +181,21 @@ def load(path: str) -> Policy:
     return policy
 
 
-class _Many:
-    """Environments that return to the start when their episodes end."""
+def pushed(env: steve.SteveEnv, info: Dict[str, Any]) -> Act:
+    """All instruments are only pushed, at full speed."""
+    push = np.tile([1.0, 0.0], (len(env.action_space.high), 1))
+    return lambda observation: push
 
-    def __init__(self, name: str, realistic: bool, seed: int) -> None:
-        task = dataclasses.replace(steve.task(name, training=True), max_steps=_TRAINING_STEPS)
-        self._envs = [steve.SteveEnv(name, realistic, task, reward=None, arch_count=_ARCHES) for _ in range(_COUNT)]
-        self.speeds = self._envs[0].action_space.high
-        self.now = np.stack([features(env.reset(seed=_COUNT * seed + k)[0]) for k, env in enumerate(self._envs)])
 
-    def step(self, actions: Array) -> Tuple[Array, Array, Array, Array, int]:
-        """Features after a step, rewards, terminated, ended, and the number of targets that were reached. `now` has the
-        features before the next step."""
-        after = np.empty_like(self.now)
-        rewards, terminated, ended, reached = np.zeros(_COUNT), np.zeros(_COUNT, bool), np.zeros(_COUNT, bool), 0
-        for k, env in enumerate(self._envs):
-            observation, rewards[k], terminated[k], truncated, info = env.step(actions[k].reshape(-1, 2) * self.speeds)
-            after[k] = self.now[k] = features(observation)
-            ended[k] = terminated[k] or truncated or info["at_end"]
-            reached += info["success"]
-            if ended[k]:
-                self.now[k] = features(env.reset()[0])
-        return after, rewards, terminated, ended, reached
+def taught(env: steve.SteveEnv, info: Dict[str, Any]) -> Act:
+    """The teacher. It sees the whole state."""
+    teacher = Teacher(env, info)
+    return lambda observation: teacher.act()
 
 
 def train(name: str, path: str, realistic: bool, steps: int, seed: int, out: Optional[TextIO] = None) -> Policy:
-    """Trains a policy for a task and saves it as a new file, now and then and at the end. steps: of all environments;
-    rounded up to whole updates of 2048."""
+    """Trains a policy for a task and saves it as a new file, now and then and at the end. The last episode of an update
+    is completed, so there are some more steps."""
     steve.task(name)
     whole("steps", steps, 1, 10**9)
     whole("seed", seed, 1, 50_000)
@@ -160,81 +203,118 @@ def train(name: str, path: str, realistic: bool, steps: int, seed: int, out: Opt
     curve: List[Tuple[float, ...]] = []
     saved = False
     began = time.monotonic()
-    for episodes, reached, weights in _updates(name, realistic, seed):
-        curve.append(((len(curve) + 1) * _COUNT * _LENGTH, episodes, reached, time.monotonic() - began))
+    for done, episodes, reached, weights in _updates(name, realistic, steps, seed):
+        curve.append((done, episodes, reached, time.monotonic() - began))
         if out is not None:
-            print(f"{curve[-1][0]:8.0f} steps: {reached} of {episodes} episodes reached the target", file=out, flush=True)
-        ends = curve[-1][0] >= steps
-        if len(curve) % _SAVED == 0 or ends:
+            print(f"{done:8d} steps: {reached} of {episodes} episodes reached the target", file=out, flush=True)
+        if len(curve) % _SAVED == 0 or done >= steps:
             policy = Policy(name, realistic, seed, weights, np.array(curve))
             if saved:
                 policy._write(path)
             else:
                 policy.save(path)
             saved = True
-        if ends:
-            break
     return policy
 
 
-def _updates(name: str, realistic: bool, seed: int) -> Iterator[Tuple[int, int, List[Array]]]:
-    """Trains without end. Yields after each update the numbers of episodes that ended, and of those at the target, and
-    the weights of the policy."""
+def _updates(name: str, realistic: bool, steps: int, seed: int) -> Iterator[Tuple[int, int, int, List[Array]]]:
+    """Trains until so many steps are done. Yields after each update the steps so far, the episodes that the policy
+    steered alone, those at the target, and the weights of the policy."""
     torch = need("torquer train", "torch", "python3-torch")
-    ppo = need("torquer train", "torquer.examples.train_ppo", "python3-matplotlib")
     torch.manual_seed(seed)
     torch.set_num_threads(1)
-    many = _Many(name, realistic, seed)
-    policy = ppo.Policy(many.now.shape[1], many.speeds.size)
-    with torch.no_grad():
-        policy.mean[-1].bias[::2] = 0.5  # pushes at half speed at first, or it would stay near the entry
-    adam = ppo.optimizer(policy)
-    while True:
-        episodes, reached = _update(torch, ppo, many, policy, adam)
-        yield episodes, reached, [value.detach().numpy().copy() for value in policy.mean.parameters()]
+    random = np.random.default_rng(seed)
+    task = dataclasses.replace(steve.task(name, training=True), max_steps=_TRAINING_STEPS)
+    env = steve.SteveEnv(name, realistic, task, reward=None, arch_count=_ARCHES)
+    inputs, outputs = len(_Senses()(env.reset(seed=seed)[0])), env.action_space.high.size
+    layers = torch.nn.Linear(inputs, _WIDTH), torch.nn.GRU(_WIDTH, _WIDTH), torch.nn.Linear(_WIDTH, outputs)
+    network = torch.nn.ModuleList(layers)
+    adam = torch.optim.Adam(network.parameters(), lr=_LEARNING_RATE)
+    lessons: List[_Lesson] = []
+    done = update = 0
+    while done < steps:
+        policy = Policy(name, realistic, seed, _weights(network), np.empty((0, 4)))
+        first, episodes, reached = done, 0, 0
+        while done < min(first + _UPDATE_STEPS, steps):
+            taught_share = 1.0 if update == 0 else 0.3 if update < _TAUGHT else 0.0
+            led, noisy = random.random() < taught_share, random.random() < 0.5
+            lesson, success = _lesson(env, policy, random, led, noisy)
+            lessons.append(lesson)
+            done += len(lesson[0])
+            if not led and not noisy:
+                episodes, reached = episodes + 1, reached + success
+        for group in adam.param_groups:
+            group["lr"] = _LEARNING_RATE * max(0.1, 1 - first / steps)
+        _learn(torch, network, adam, lessons, random)
+        update += 1
+        yield done, episodes, reached, _weights(network)
 
 
-def _update(torch: Any, ppo: Any, many: _Many, policy: Any, adam: Any) -> Tuple[int, int]:
-    """One update of the policy. Returns the numbers of episodes that ended, and of those at the target."""
-    seen, acts, gains, last, ends, after = [], [], [], [], [], []
-    episodes = reached = 0
-    for _ in range(_LENGTH):
-        seen.append(torch.tensor(many.now))
-        with torch.no_grad():
-            acts.append(policy.actions(seen[-1]).sample())
-        behind, rewards, terminated, ended, success = many.step(acts[-1].clamp(-1, 1).numpy())
-        after.append(torch.tensor(behind))
-        gains.append(torch.tensor(rewards, dtype=torch.float32))
-        last.append(torch.tensor(terminated))
-        ends.append(torch.tensor(ended))
-        episodes, reached = episodes + int(ended.sum()), reached + success
-    x, a = torch.cat(seen), torch.cat(acts)
-    with torch.no_grad():
-        before = policy.value(x).reshape(_LENGTH, _COUNT)
-        beyond = policy.value(torch.cat(after)).reshape(_LENGTH, _COUNT)
-        old = policy.actions(x).log_prob(a).sum(1)
-    advantage = ppo.advantages(gains, last, ends, before, beyond)
-    ppo.improve(policy, adam, x, a, old, advantage.flatten(), (advantage + before).flatten())
-    return episodes, reached
+_Lesson = Tuple[Array, Array]
+"""Features of the steps of an episode, and the teacher's actions."""
+
+
+def _weights(network: Any) -> List[Array]:
+    return [value.detach().numpy().copy() for value in network.parameters()]
+
+
+def _lesson(
+    env: steve.SteveEnv, policy: Policy, random: np.random.Generator, led: bool, noisy: bool
+) -> Tuple[_Lesson, bool]:
+    """An episode, and True if it reached the target. led: the teacher steers. noisy: bursts disturb the actions."""
+    observation, info = env.reset()
+    teacher, senses = Teacher(env, info), _Senses()
+    memory, burst = np.zeros(_WIDTH, np.float32), np.zeros(env.action_space.high.shape)
+    seen, wanted, ended = [], [], False
+    while not ended:
+        seen.append(senses(observation))
+        wanted.append(teacher.act())
+        memory, own = policy.step(seen[-1], memory)
+        if noisy and random.random() < 0.1:
+            burst = random.normal(0, 0.7, burst.shape) * (random.random() < 0.5)
+        shares = np.clip((wanted[-1] if led else own.reshape(-1, 2)) + burst, -1, 1)
+        observation, _, terminated, truncated, info = env.step(shares * env.action_space.high)
+        ended = terminated or truncated
+    return (np.array(seen), np.array(wanted, np.float32).reshape(len(wanted), -1)), info["success"]
+
+
+def _learn(torch: Any, network: Any, adam: Any, lessons: List[_Lesson], random: np.random.Generator) -> None:
+    """Regression of the teacher's actions. Episodes of about the same length are learned together."""
+    by_length = sorted(lessons, key=lambda lesson: len(lesson[0]))
+    left = _SAMPLES
+    while left > 0:
+        first = int(random.integers(-_EPISODES, len(by_length)))
+        chosen = by_length[max(0, min(first, len(by_length) - _EPISODES)) :][:_EPISODES]
+        sequences = [[torch.tensor(part[k]) for part in chosen] for k in (0, 1)]
+        seen, wanted = (torch.nn.utils.rnn.pad_sequence(sequence) for sequence in sequences)
+        valid = torch.nn.utils.rnn.pad_sequence([torch.ones(len(part[0]), 1) for part in chosen])
+        first_layer, recurrent, last_layer = network
+        found = torch.tanh(last_layer(recurrent(torch.tanh(first_layer(seen)))[0]))
+        loss = (valid * (found - wanted) ** 2).sum() / valid.sum()
+        adam.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        adam.step()
+        left -= int(valid.sum())
 
 
 def evaluate(
-    name: str, realistic: bool, act: Optional[Act], episodes: int, training: bool = False, out: Optional[TextIO] = None
+    name: str, realistic: bool, begin: Begin, episodes: int, training: bool = False, out: Optional[TextIO] = None
 ) -> Dict[str, Any]:
-    """Tests a policy in held-out episodes of a task, with its published step limit. act: None: all instruments are only
-    pushed, at full speed. training: True: at the accuracy of training. Values that are not known are None. The rate is
-    that of steps that do not begin at an end of the vessel."""
+    """Tests a policy in held-out episodes of a task, with its published step limit. training: True: at the accuracy
+    of training. Values that are not known are None. The rate is that of steps that do not begin at an end of the
+    vessel."""
     env = steve.SteveEnv(name, realistic, steve.task(name, training))
     speeds = env.action_space.high
-    push = np.tile([1.0, 0.0], (len(speeds), 1))
     rows = []
     steps, core_s = 0, 0.0
     for k in range(whole("episodes", episodes, 1, 10**6)):
         observation, info = env.reset(seed=HELD_OUT_SEED + k)
+        act = begin(env, info)
         ended, largest_mN, unknown = False, 0.0, 0
         began_s = info["time_s"]
         while not ended:
-            shares = push if act is None else act(features(observation)).reshape(-1, 2)
+            shares = act(observation)
             at_end, began_core_s = info["at_end"], time.process_time()
             observation, _, terminated, truncated, info = env.step(shares * speeds)
             if not at_end:

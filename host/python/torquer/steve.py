@@ -36,14 +36,15 @@ Array = npt.NDArray[Any]
 
 SPEEDS = (35.0, 3.14)
 """Largest speeds of each instrument: mm/s and rad/s."""
-_STEP_S = 1 / 7.5
+STEP_S = 1 / 7.5
+"""Time of a step."""
 _TASK = Task(
     "",
     0.0,
     within_mm=5.0,
-    step_s=_STEP_S,
-    longest_mm=SPEEDS[0] * _STEP_S,
-    largest_turn_rad=SPEEDS[1] * _STEP_S,
+    step_s=STEP_S,
+    longest_mm=SPEEDS[0] * STEP_S,
+    largest_turn_rad=SPEEDS[1] * STEP_S,
     force_limit_mN=1500.0,
     max_steps=1000,
 )
