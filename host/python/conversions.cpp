@@ -53,6 +53,12 @@ py::str Represent(const py::object& self, const char* name, std::initializer_lis
   return text + ")";
 }
 
+py::object ToReadings(const std::vector<Reading>& readings) {
+  py::object out = py::module_::import("torquer._names").attr("Readings")();
+  for (const Reading& reading : readings) out[py::str(reading.name)] = reading.value;
+  return out;
+}
+
 void AddUnits(py::module_& module) {
   module.def(
       "unit_of",

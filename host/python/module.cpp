@@ -295,13 +295,7 @@ void AddSimulation(py::module_& module) {
            "contact, torsion, friction, inertia or clearance.")
       .def(
           "readings",
-          [](const Simulation& self) {
-            py::dict out;
-            for (const torquer::Reading& reading : self.readings()) {
-              out[py::str(reading.name)] = reading.value;
-            }
-            return out;
-          },
+          [](const Simulation& self) { return torquer::python::ToReadings(self.readings()); },
           "Readings of the scene's observers by name, which ends with the unit; nan: not known.")
       .def("record", &Simulation::Record,
            "Record of the session as JSON, as torquer-simulator --record writes it.")

@@ -106,6 +106,8 @@ void AddSurface(pybind11::module_& module);
 void AddControls(pybind11::module_& module);
 void AddNavigation(pybind11::module_& module);
 void AddSensitivity(pybind11::module_& module);
+/// Readings by name, with an error for other names.
+pybind11::object ToReadings(const std::vector<Reading>& readings);
 /// Derivatives by key.
 pybind11::dict SensitivitiesOf(const Simulation& simulation);
 

@@ -55,9 +55,7 @@ void AddSensitivity(py::module_& module) {
           "readings",
           [](const Sensitivity& self) -> py::object {
             if (!self.unknown.empty()) return py::none();
-            py::dict out;
-            for (const Reading& reading : self.readings) out[py::str(reading.name)] = reading.value;
-            return out;
+            return ToReadings(self.readings);
           },
           "Derivatives of readings() per unit of the key, without those of effects that evolve by "
           "themselves; nan: not known. None if no derivative is known.");

@@ -43,6 +43,7 @@ def env(**others):
         (lambda: arches.draw(1, types=["I", "bovin"]), "bovine"),
         (lambda: torquer.Imaging("subtracton"), "subtraction"),
         (lambda: torquer.Injector("injct"), "inject"),
+        (lambda: torquer.Simulation(phantom().with_values({"effects.internal_forces": True})).readings()["guidewire.hand_force"], "guidewire.hand_force_mN"),
     ],
 )
 def test_the_nearest_name_is_proposed(call, proposed):

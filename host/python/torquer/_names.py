@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable
+from typing import Any, Dict, Iterable
 
-from ._torquer import nearest_name
+from ._torquer import Error, nearest_name
 
 
 def did_you_mean(given: Any, known: Iterable[str]) -> str:
@@ -17,3 +17,17 @@ def first_unknown(given: Iterable[Any], known: Iterable[str]) -> Any:
     """First element that is not among the known names, or None."""
     names = list(known)
     return next((one for one in given if one not in names), None)
+
+
+class UnknownName(Error, KeyError):
+    """A mapping has no such name."""
+
+    __str__ = Exception.__str__  # KeyError would quote the message
+
+
+class Readings(Dict[str, float]):
+    """Readings by name."""
+
+    def __missing__(self, name: str) -> float:
+        there = f"there are: {', '.join(self)}" if self else "the scene has none"
+        raise UnknownName(f"there is no reading {name!r}; {did_you_mean(name, self)}{there}")
