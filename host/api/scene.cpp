@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "host/api/impl.h"
+#include "host/api/script_columns.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/support/error.h"
 #include "host/support/within.h"
@@ -89,6 +90,10 @@ std::uint64_t Scene::content_hash() const { return impl_->scene->content_hash();
 const std::vector<InstrumentInfo>& Scene::instruments() const { return impl_->instruments; }
 std::vector<std::string> Scene::effects() const { return impl_->scene->effect_names(); }
 const std::vector<std::string>& Scene::findings() const { return impl_->scene->vessel().findings; }
+
+std::vector<ScriptRow> Scene::ParseScript(const std::string& csv, const std::string& path) const {
+  return Guarded([&] { return torquer::ParseScript(csv, path, this->path(), instruments()); });
+}
 
 std::array<Point, 2> Scene::bounds_mm() const {
   const Eigen::AlignedBox3d& box = impl_->scene->vessel().bounds_mm;

@@ -93,7 +93,7 @@ void ScriptColumns::ReadDevices(const CsvRow& row, ScriptRow& out) {
                       near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
     }
     column.device = device;
-    out.exchanges.push_back({column.instrument, device});
+    out.exchanges.emplace_back(column.instrument, device);
   }
 }
 
@@ -118,16 +118,33 @@ ScriptRow ScriptColumns::Read(const CsvRow& row) {
                   ", not later than the previous row; give increasing times");
   }
   before_s_ = command.time_s;
+  if (!first_s_) first_s_ = command.time_s;
+  out.time_s = command.time_s;
+  command.time_s -= *first_s_;
   return out;
 }
 
-std::vector<ScriptRow> ReadScript(const std::string& script, const std::string& scene,
-                                  const std::vector<InstrumentInfo>& instruments) {
-  const CsvTable table = ReadCsvTable(script);
+namespace {
+
+std::vector<ScriptRow> RowsOf(const CsvTable& table, const std::string& scene,
+                              const std::vector<InstrumentInfo>& instruments) {
   ScriptColumns columns(table, scene, instruments);
   std::vector<ScriptRow> rows;
   for (const CsvRow& row : table.rows) rows.push_back(columns.Read(row));
   return rows;
+}
+
+}  // namespace
+
+std::vector<ScriptRow> ReadScript(const std::string& script, const std::string& scene,
+                                  const std::vector<InstrumentInfo>& instruments) {
+  return RowsOf(ReadCsvTable(script), scene, instruments);
+}
+
+std::vector<ScriptRow> ParseScript(const std::string& csv, const std::string& path,
+                                   const std::string& scene,
+                                   const std::vector<InstrumentInfo>& instruments) {
+  return RowsOf(ParseCsvTable(csv, path), scene, instruments);
 }
 
 }  // namespace torquer

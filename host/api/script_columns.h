@@ -13,18 +13,6 @@
 
 namespace torquer {
 
-/// Row of a script.
-struct ScriptRow {
-  /// Exchange of an instrument for a device of the library, before the row's motion.
-  struct Exchange {
-    std::size_t instrument = 0;
-    std::string device;
-  };
-  std::string place;  ///< file and line, for errors
-  std::vector<Exchange> exchanges;
-  Command command;
-};
-
 /// Columns of a script by name. time_s is required and ascends. Optional columns of each instrument
 /// are NAME.insertion_mm and NAME.rotation_rad, measured from the start, and NAME.device. A device
 /// stays until a row names another one; an empty cell names none. Others are
@@ -64,11 +52,16 @@ class ScriptColumns {
   std::vector<Column> columns_;
   std::vector<DeviceColumn> device_columns_;
   std::vector<std::pair<std::size_t, const ControlColumn*>> control_columns_;
+  std::optional<double> first_s_;
   std::optional<double> before_s_;
 };
 
 /// Reads all rows of a script file. Throws UserError as ScriptColumns.
 std::vector<ScriptRow> ReadScript(const std::string& script, const std::string& scene,
                                   const std::vector<InstrumentInfo>& instruments);
+/// Reads all rows of a script's text; `path` names it in errors.
+std::vector<ScriptRow> ParseScript(const std::string& csv, const std::string& path,
+                                   const std::string& scene,
+                                   const std::vector<InstrumentInfo>& instruments);
 
 }  // namespace torquer

@@ -189,6 +189,22 @@ StepReport Simulation::Step(const Command& command,
   });
 }
 
+StepReport Simulation::StepRow(const ScriptRow& row,
+                               const std::function<bool(const StepReport& tick)>& after_tick) {
+  WhileStill([&] {
+    CheckTime(row.command.time_s, impl_->rows.command().time_s, impl_->rows.begun());
+    Check(row.command, impl_->scene);
+  });
+  for (const auto& [instrument, device] : row.exchanges) {
+    try {
+      Exchange(scene().instruments().at(instrument).name, device);
+    } catch (const Error& error) {
+      throw Error(row.place + ": " + error.what());
+    }
+  }
+  return Step(row.command, after_tick);
+}
+
 void Simulation::WhileStill(const std::function<void()>& look) const {
   const auto hold = impl().usage.Look();
   look();

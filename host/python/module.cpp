@@ -243,6 +243,16 @@ void AddSimulation(py::module_& module) {
           "to the patient's left, to the head, and up. after_tick is called with the report "
           "of each tick. If it returns False or raises, the step ends there, and the next step "
           "continues from there.")
+      .def(
+          "step_row",
+          [](Simulation& self, const torquer::ScriptRow& row, const py::object& after_tick) {
+            const auto call = ToAfterTick(after_tick);
+            const py::gil_scoped_release free;
+            return self.StepRow(row, call);
+          },
+          py::arg("row"), py::kw_only(), py::arg("after_tick") = py::none(),
+          "Carries out the exchanges and the motion of a row of Scene.parse_script, as "
+          "torquer-simulator --script does. after_tick: as for step.")
       .def_property_readonly("time_s", &Simulation::time_s)
       .def_property_readonly("nodes_mm", &Nodes,
                              "Nodes of the wire, from the entry to the tip, shape (n, 3). With "

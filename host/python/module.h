@@ -43,6 +43,7 @@ namespace pybind11::detail {
 TORQUER_MADE(torquer::InstrumentInfo);
 TORQUER_MADE(torquer::Scene);
 TORQUER_MADE(torquer::Surface);
+TORQUER_MADE(torquer::ScriptRow);
 TORQUER_MADE(torquer::StepReport);
 TORQUER_MADE(torquer::Sensitivity);
 TORQUER_MADE(torquer::Imaging);

@@ -122,8 +122,23 @@ void AddScene(py::module_& module) {
       .def_readonly("tip_radius_mm", &InstrumentInfo::tip_radius_mm)
       .def_readonly("inner_radius_mm", &InstrumentInfo::inner_radius_mm,
                     "Radius of the lumen in mm; 0: solid.")
+      .def_property_readonly(
+          "start",
+          [](const InstrumentInfo& self) {
+            return py::make_tuple(self.start.insertion_mm, self.start.rotation_rad);
+          },
+          "Insertion in mm and rotation in rad at the start.")
       .def_readonly("is_beside", &InstrumentInfo::is_beside,
                     "True if it lies beside the earlier instruments, with [instrument.entry].");
+  py::class_<ScriptRow>(module, "ScriptRow", "A row of a script, for Simulation.step_row.")
+      .def("__repr__",
+           [](const py::object& self) {
+             return Represent(self, "ScriptRow", {"place", "time_s", "exchanges"});
+           })
+      .def_readonly("place", &ScriptRow::place, "File and line.")
+      .def_readonly("time_s", &ScriptRow::time_s, "Time in the file.")
+      .def_readonly("exchanges", &ScriptRow::exchanges,
+                    "Exchanges before the motion: the number of an instrument, and its device.");
   py::class_<Scene>(module, "Scene", "A scene, read from a file and checked, with its vessel.")
       .def(py::init(&SceneFrom), py::arg("path"),
            "Reads a scene file, or a scene of Torquer by its name, and the files that it names.")
@@ -141,6 +156,10 @@ void AddScene(py::module_& module) {
            "are true or false, numbers, texts, or lists. None removes a key, so that its default "
            "is valid. For 'effects.NAME', True adds the effect and False removes it. The vessel is "
            "not read again unless a key of it changes.")
+      .def("parse_script", &Scene::ParseScript, py::arg("text"), py::arg("path") = "script",
+           NoGil(),
+           "Rows of a script's text, a table as for torquer-simulator --script. Messages name path "
+           "as its file.")
       .def_property_readonly("name", &Scene::name)
       .def_property_readonly("path", &Scene::path,
                              "Path of the scene file, or that given to from_text.")

@@ -27,9 +27,9 @@ ExpertRun RunExpert(scene::Scene& scene, const std::string& path) {
   RowRun run(simulation.now());
   feed.AddState(0);
   Command before = run.command();
-  for (const auto& [place, exchanges, row] : rows) {
-    for (const ScriptRow::Exchange& exchange : exchanges) {
-      simulation.Exchange(static_cast<int>(exchange.instrument), exchange.device);
+  for (const auto& [place, time_s, exchanges, row] : rows) {
+    for (const auto& [instrument, device] : exchanges) {
+      simulation.Exchange(static_cast<int>(instrument), device);
       run.ContinueIn(simulation.now());
     }
     ScriptTicks parts(before, row, 1e-6 * kJudgeRowUs);

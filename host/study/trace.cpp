@@ -34,7 +34,7 @@ Trace Run(StudyRun& run, scene::Scene& scene, const std::string& script) {
   RowRun motion(simulation.now());
   Trace trace;
   simulation.now().RecordAttempts(&trace.attempts);
-  const double first_s = rows.empty() ? 0 : rows.front().command.time_s;
+  const double first_s = rows.empty() ? 0 : rows.front().time_s;
   const auto take_tick = [&](const auto&) {
     TracedTick tick;
     tick.time_s = first_s + simulation.now().time_s();
@@ -45,16 +45,14 @@ Trace Run(StudyRun& run, scene::Scene& scene, const std::string& script) {
     return true;
   };
   for (std::size_t k = 0; k < rows.size(); ++k) {
-    for (const ScriptRow::Exchange& exchange : rows[k].exchanges) {
-      simulation.Exchange(static_cast<int>(exchange.instrument), exchange.device);
+    for (const auto& [instrument, device] : rows[k].exchanges) {
+      simulation.Exchange(static_cast<int>(instrument), device);
       simulation.now().RecordAttempts(&trace.attempts);
       motion.ContinueIn(simulation.now());
     }
-    torquer::Command row = rows[k].command;
-    run.Progress(fmt::format("{:.2f} s", row.time_s),
+    run.Progress(fmt::format("{:.2f} s", rows[k].time_s),
                  static_cast<double>(k) / static_cast<double>(rows.size()));
-    row.time_s -= first_s;
-    motion.GoTo(row, take_tick);
+    motion.GoTo(rows[k].command, take_tick);
   }
   return trace;
 }

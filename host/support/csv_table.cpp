@@ -128,8 +128,8 @@ void CheckHeader(const CsvTable& table, const std::string& header) {
   }
 }
 
-CsvTable Parse(const std::string& path, const std::string& header) {
-  std::istringstream in(ReadInputFile(path, "check the path and its permissions"));
+CsvTable Parse(const std::string& text, const std::string& path, const std::string& header) {
+  std::istringstream in(text);
   CsvTable table;
   table.path = path;
   std::string line;
@@ -140,13 +140,21 @@ CsvTable Parse(const std::string& path, const std::string& header) {
   return table;
 }
 
+std::string Text(const std::string& path) {
+  return ReadInputFile(path, "check the path and its permissions");
+}
+
 }  // namespace
 
 std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header) {
-  return Parse(path, header).rows;
+  return Parse(Text(path), path, header).rows;
 }
 
-CsvTable ReadCsvTable(const std::string& path) { return Parse(path, ""); }
+CsvTable ReadCsvTable(const std::string& path) { return Parse(Text(path), path, ""); }
+
+CsvTable ParseCsvTable(const std::string& text, const std::string& path) {
+  return Parse(text, path, "");
+}
 
 CsvReader::CsvReader(const std::string& name, std::function<std::optional<std::string>()> next_line)
     : next_line_(std::move(next_line)) {

@@ -44,6 +44,8 @@ struct CsvTable {
 /// and line if the header is missing or has more than 1000 columns. A repeated column and a row
 /// with another number of cells are errors, too.
 CsvTable ReadCsvTable(const std::string& path);
+/// The same for the text of such a file; `path` names it in errors.
+CsvTable ParseCsvTable(const std::string& text, const std::string& path);
 
 /// Reads a table from lines that arrive one by one, as through a pipe.
 class CsvReader {

@@ -78,8 +78,8 @@ def test_a_reading_that_is_not_known_is_null_and_stays_stored(study, tmp_path):
     assert finish(path, out)[0] == 0
     text = (out / "readings.jsonl").read_text()
     readings = json.loads(text)["readings"]
-    assert readings["unconverged_rows"] == readings["rows"]
-    assert readings["wall_force_largest_ever_mN"] is None and readings["largest.wall_force_events"] is None
+    assert readings["unconverged_rows"] == readings["rows"] - 1  # the start is in equilibrium
+    assert readings["wall_force_largest_mN"] is None and readings["largest.wall_force_event_mN"] is None
     assert "NaN" not in text and "nan" not in (out / "readings.csv").read_text().lower()
     # A second run reads the stored results.
     status, output, error = finish(path, out)
@@ -273,17 +273,17 @@ def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
 
 
 def test_a_failing_case_is_listed_and_the_rest_continues(study, tmp_path):
-    far = MOTION.replace("push", "far").replace("duration_s = 1", "duration_s = 1e4\nrow_s = 1e3")
-    path = study(f'scenes = ["ty_phantom"]\n{MOTION}{far}', "partly")
+    (tmp_path / "late.csv").write_text("time_s,guidewire.insertion_mm,guidewire.device\n0,10,\n1,20,sion_blue\n")
+    path = study(f'scenes = ["ty_phantom"]\n{MOTION}\n[[motion]]\nname = "late"\nscript = "late.csv"\n', "partly")
     out = tmp_path / "out"
     status, output, error = finish(path, out)
     assert status == 1
     assert output.startswith("1 cases done, 0 were stored before, 1 failed")
     # Torquer's own lines alone, without Dask's log.
     assert [line.split(":")[0] for line in error.splitlines()] == ["2 of 2 cases, 1 failed", "failed"]
-    assert "within 1e5" in error and "far" in error.split("failed:")[1]
+    assert f"failed: ty_phantom, late, seed = 1: {tmp_path}/late.csv:3: guidewire" in error
     (failure,) = map(json.loads, (out / "failures.jsonl").read_text().splitlines())
-    assert failure["case"]["motion"] == "far"
+    assert failure["case"]["motion"] == "late"
     assert "Failures" in (out / "report.html").read_text()
     # A second run tries it again.
     assert finish(path, out)[1].startswith("0 cases done, 1 were stored before, 1 failed")

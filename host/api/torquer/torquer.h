@@ -110,6 +110,7 @@ using Value = std::variant<std::monostate, bool, std::int64_t, double, std::stri
 /// "effects.NAME", true adds the effect with its defaults, and false removes it.
 using Values = std::vector<std::pair<std::string, Value>>;
 
+struct ScriptRow;
 /// Checked contents of a scene file, with its vessel. Copies are cheap and share the data.
 class TORQUER_API Scene {
  public:
@@ -142,6 +143,10 @@ class TORQUER_API Scene {
   std::vector<std::string> effects() const;
   /// Defects that were found in the vessel's file and repaired, one sentence each.
   const std::vector<std::string>& findings() const;
+
+  /// Reads the text of a script for this scene. Messages name `path` as its file.
+  std::vector<ScriptRow> ParseScript(const std::string& csv,
+                                     const std::string& path = "script") const;
 
   /// Caches the part of the vessel's field built so far, for the next program that opens the scene.
   /// The last copy of the scene does so when it is destroyed. Returns the reason of a failure;
@@ -235,6 +240,15 @@ struct Command {
   Imaging imaging = {};
   Table table = {};
   Injector injector = {};
+};
+
+/// Row of a script, as torquer-simulator --script takes it.
+struct ScriptRow {
+  std::string place;  ///< file and line
+  double time_s = 0;  ///< in the file
+  /// Exchanges before the motion: the number of an instrument, and its device of host/devices.
+  std::vector<std::pair<std::size_t, std::string>> exchanges;
+  Command command;  ///< its time is since the first row
 };
 
 /// Report of a step, or of one tick.
@@ -360,6 +374,10 @@ class TORQUER_API Simulation {
   /// next step starts there.
   StepReport Step(const Command& command,
                   const std::function<bool(const StepReport& tick)>& after_tick);
+  /// Carries out the exchanges of a script's row, and then its command as Step does. An exchange
+  /// stays if a later one of the row is refused.
+  StepReport StepRow(const ScriptRow& row,
+                     const std::function<bool(const StepReport& tick)>& after_tick = {});
   /// Command of the last tick, or that of the start.
   const Command& command() const;
 

@@ -37,18 +37,19 @@ def _load(text: str, folder: str, path: str, _files: Tuple[str, ...]) -> Scene:
     return Scene.from_text(text, folder, path)
 
 
+def _require_same(folder: str, named: Tuple[str, ...], files: Tuple[str, ...]) -> None:
+    if file_hashes(named, {}) != files:
+        raise Error(f"{folder}: a file of the scene has changed since the case was made; run the command again")
+
+
 @functools.lru_cache(maxsize=4)
 def _load_with(
     text: str, folder: str, path: str, values: str, named: Tuple[str, ...], files: Tuple[str, ...]
 ) -> Scene:
-    def require_same() -> None:
-        if file_hashes(named, {}) != files:
-            raise Error(f"{folder}: a file of the scene has changed since the case was made; run the command again")
-
     # Equal hashes before and after the loading prove that these files were loaded.
-    require_same()
+    _require_same(folder, named, files)
     scene = _load(text, folder, path, files).with_values(json.loads(values))
-    require_same()
+    _require_same(folder, named, files)
     return scene
 
 
@@ -63,48 +64,32 @@ def run(case: Case) -> Result:
     scene = _scene(case)
     simulation = Simulation(scene)
     names = [info.name for info in scene.instruments]
-    start = simulation.hands
-    hands = start.copy()
-    columns: List[Tuple[int, int, int]] = []
-    controls: List[Tuple[int, str]] = []
-    for index, column in enumerate(case.columns):
-        owner, _, place = column.rpartition(".")
-        if owner:
-            columns.append((index, names.index(owner), 0 if place == "insertion_mm" else 1))
-        elif column != "time_s":
-            controls.append((index, column))
-    time = case.columns.index("time_s")
-
+    rows = scene.parse_script(case.script.text, case.script.path)
     moved: List[npt.NDArray[np.float64]] = []
     readings: Dict[str, List[float]] = {}
     shapes: List[npt.NDArray[np.float64]] = []
     unconverged = ticks = iterations = 0
     penetration_mm = 0.0
     outside = False
-    for number, row in enumerate(case.rows):
-        for index, instrument, what in columns:
-            # As in a script: lengths are measured from the instrument's start, angles are absolute.
-            hands[instrument, what] = row[index] + (start[instrument, 0] if what == 0 else 0)
-        if case.is_generated:
-            hands[:, 0] = np.maximum(hands[:, 0], 0)
-        flags: Dict[str, Any] = {
-            name: row[index] if name.endswith("_deg") else row[index] != 0 for index, name in controls
-        }
-        report = simulation.step(row[time], hands, **flags)
+    for number, row in enumerate(rows):
+        report = simulation.step_row(row)
         unconverged += not report.converged
         ticks += report.ticks
         iterations += report.iterations
         penetration_mm = max(penetration_mm, simulation.max_penetration_mm)
         outside = outside or simulation.outside_lumen
-        moved.append(np.concatenate([[row[time]], *np.hstack([simulation.places, simulation.tips_mm])]))
+        moved.append(np.concatenate([[row.time_s], *np.hstack([simulation.places, simulation.tips_mm])]))
         for name, value in simulation.readings().items():
             readings.setdefault(name, [math.nan] * number).append(float(value))
-        if case.shapes == "rows" or (case.shapes == "last" and number + 1 == len(case.rows)):
+        if case.shapes == "rows" or (case.shapes == "last" and number + 1 == len(rows)):
             shapes.append(np.array(simulation.nodes_mm))
+    if case.script.named:
+        # The same proof for the devices of exchanges.
+        _require_same(case.folder, case.named, case.files)
 
     tip = simulation.tips_mm[0]
     table: Dict[str, Any] = {
-        "rows": len(case.rows),
+        "rows": len(rows),
         "ticks": ticks,
         "iterations": iterations,
         "unconverged_rows": unconverged,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import hashlib
 import itertools
@@ -14,6 +13,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tupl
 import numpy as np
 
 from . import Error, Scene, __build__, _command, scene_names, scene_path
+from ._devices import shipped
 from ._names import did_you_mean
 from ._user_file import parse_toml, read_text, read_toml
 
@@ -22,10 +22,18 @@ PLOTS = ("valid", "all")
 _STUDY_KEYS = ("axes", "motion", "plots", "random", "scenes", "seeds", "shapes")
 _MOTION_KEYS = ("duration_s", "hands", "name", "row_s", "script", "spread")
 _HAND_KEYS = ("speed_mm_s", "turn_rad_s")
-_SWITCHES = ("xray", "contrast")
 _MOST_CASES = 1_000_000
 _MOST_ROWS = 1_000_000
 _MOST_KEY_PARTS = 16
+
+
+@dataclasses.dataclass(frozen=True)
+class Script:
+    """Motion of a case, as torquer-simulator --script takes it."""
+
+    text: str
+    path: str  # for messages
+    named: Tuple[str, ...]  # files of the devices of its exchanges
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,12 +45,10 @@ class Case:
     folder: str  # base of its paths
     path: str  # of the scene file, for messages
     values: Dict[str, Any]  # of the scene's keys, in place of those in the text
-    named: Tuple[str, ...]  # files and folders that the scene names
+    named: Tuple[str, ...]  # files and folders that the scene and the script name
     files: Tuple[str, ...]  # their hashes
-    columns: Tuple[str, ...]  # of the rows
-    rows: Tuple[Tuple[float, ...], ...]
+    script: Script
     shapes: str
-    is_generated: bool  # by speeds: a hand that is pulled back stays at the entry
     labels: Dict[str, Any]  # scene, motion, seed, and the value of each axis and random key
 
 
@@ -237,13 +243,17 @@ def _bytes_hash(path: pathlib.Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def _device_files(names: Iterable[str]) -> List[pathlib.Path]:
+    devices = shipped("devices")
+    return [devices / f"{name}.toml" for name in sorted(set(names)) if "\0" not in name]
+
+
 def _named_files(scene: Scene) -> Tuple[str, ...]:
     """Paths of the files and folders that a scene's vessel names, and of its devices of Torquer."""
     table = parse_toml(scene.path, scene.text)
-    devices = pathlib.Path(scene_path(scene_names()[0])).parents[1] / "devices"
     texts = sorted({text for text in _strings(table.get("vessel")) if text and "\0" not in text and len(text) < 1000})
     paths = [pathlib.Path(scene.folder) / text for text in texts]
-    paths += [devices / f"{text}.toml" for text in sorted(set(_strings(table.get("instrument")))) if "\0" not in text]
+    paths += _device_files(_strings(table.get("instrument")))
     return tuple(str(path) for path in paths)
 
 
@@ -266,88 +276,45 @@ def file_hashes(named: Sequence[str], known: Dict[pathlib.Path, str]) -> Tuple[s
     return tuple(found)
 
 
-def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
-    """Reads columns and rows of a script for torquer-simulator --script."""
-    instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
-    known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES, "table_left_mm", "table_head_mm", "table_height_mm"]
-    text = read_text(path).replace("\r\n", "\n")
-    if "\r" in text:
-        raise Error(f"{path}:1: carriage returns alone end the lines; save the file with line feeds (in Excel: CSV UTF-8)")
-    # Spreadsheets add rows of empty cells, and Excel a line that names the separator.
-    numbered = enumerate(text.split("\n"), 1)
-    lines = [(number, line) for number, line in numbered if line.strip(' \t,"') and not line.startswith("#")]
-    if lines and len(lines[0][1]) == len("sep=,") and lines[0][1].startswith("sep="):
-        lines = lines[1:]
-    if not lines:
-        raise Error(f"{path}: the file is empty; the first line must name the columns")
-    try:
-        rows = list(csv.reader(line for _, line in lines))
-    except csv.Error as error:
-        raise Error(f"{path}: {error}; give rows of numbers, separated by commas") from None
-    columns = tuple(cell.strip() for cell in rows[0])
-    for separator, plural in ((";", "semicolons"), ("\t", "tabs")):
-        if len(columns) == 1 and separator in columns[0]:
-            raise Error(f"{path}:{lines[0][0]}: {plural} separate the columns; save the file with commas between columns and decimal points in numbers")
-    for place, column in enumerate(columns, 1):
-        if not column:
-            raise Error(f"{path}:{lines[0][0]}: column {place} has no name; name it or remove it (in R: row.names = FALSE)")
-        if column not in known or columns.count(column) > 1:
-            near = "" if column in known else did_you_mean(column, known)
-            raise Error(f"{path}:{lines[0][0]}: column {column!r} is unknown or given twice; {near}known columns: {', '.join(known)}")
-    if "time_s" not in columns:
-        raise Error(f"{path}:{lines[0][0]}: there is no column time_s; a script needs one")
-    read: List[Tuple[float, ...]] = []
-    time = columns.index("time_s")
-    for (number, _), cells in zip(lines[1:], rows[1:]):
-        if len(cells) != len(columns):
-            raise Error(f"{path}:{number}: the row has {len(cells)} values, but the header names {len(columns)}")
-        try:
-            values = tuple(float(cell) for cell in cells)
-        except ValueError:
-            raise Error(f"{path}:{number}: {', '.join(cells)!r} are not all numbers") from None
-        if not all(map(math.isfinite, values)):
-            raise Error(f"{path}:{number}: {', '.join(cells)!r} are not all finite")
-        if read and values[time] <= read[-1][time]:
-            raise Error(f"{path}:{number}: time_s is {values[time]:g}, not later than the previous row; give increasing times")
-        read.append(values)
-    if not read:
-        raise Error(f"{path}: there is no row below the header; give at least one")
-    return columns, read
-
-
-def _generated_rows(
-    where: str, motion: Dict[str, Any], scene: Scene, seed: int
-) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
-    names = [info.name for info in scene.instruments]
-    columns = ["time_s"]
-    moves = []
+def _generated(where: str, motion: Dict[str, Any], scene: Scene, seed: int) -> str:
+    """Script of hands that move by speeds. A hand that is pulled back stays at the entry."""
+    starts_mm = {info.name: info.start[0] for info in scene.instruments}
     count = max(1, round(motion["duration_s"] / motion["row_s"]))
-    times = motion["row_s"] * np.arange(1, count + 1)
+    times = motion["row_s"] * np.arange(count + 1)
+    columns = {"time_s": times}
     for instrument, hand in sorted(motion["hands"].items()):
-        if instrument not in names:
-            raise Error(f"{where}: hands.{instrument}: the scene has no such instrument; it has: {', '.join(names)}")
-        for column, speed in (("insertion_mm", "speed_mm_s"), ("rotation_rad", "turn_rad_s")):
-            columns.append(f"{instrument}.{column}")
+        if instrument not in starts_mm:
+            raise Error(
+                f"{where}: hands.{instrument}: the scene has no such instrument; {did_you_mean(instrument, starts_mm)}"
+                f"it has: {', '.join(starts_mm)}"
+            )
+        for what, speed in (("insertion_mm", "speed_mm_s"), ("rotation_rad", "turn_rad_s")):
+            column = f"{instrument}.{what}"
             steady = np.full(count, float(hand.get(speed, 0)))
             if motion["spread"] > 0:
                 # The hand's speed varies by a new factor each second.
-                generator = np.random.default_rng([seed, *columns[-1].encode()])
+                generator = np.random.default_rng([seed, *column.encode()])
                 factors = generator.normal(1, motion["spread"], int(times[-1]) + 1)
-                steady = steady * factors[np.minimum(times.astype(int), len(factors) - 1)]
-            moves.append(np.cumsum(steady) * motion["row_s"])
-    rows = [tuple(map(float, row)) for row in zip(times, *moves)]
-    return tuple(columns), rows
+                steady = steady * factors[np.minimum(times[1:].astype(int), len(factors) - 1)]
+            way = np.concatenate([[0], np.cumsum(steady) * motion["row_s"]])
+            columns[column] = np.maximum(way, -starts_mm[instrument]) if what == "insertion_mm" else way
+    rows = np.column_stack(list(columns.values())).tolist()
+    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
-def _rows(
-    study: Study, motion: Dict[str, Any], scene: Scene, seed: int
-) -> Tuple[Tuple[str, ...], Tuple[Tuple[float, ...], ...], str]:
-    """Columns and rows of a motion, with their hash."""
+def _script(study: Study, motion: Dict[str, Any], scene: Scene, seed: int) -> Script:
+    """Script of a motion, checked for a scene."""
     if "script" in motion:
-        columns, moves = _script_rows(motion["script"], scene)
+        path = str(motion["script"])
+        text = read_text(path)
     else:
-        columns, moves = _generated_rows(f"{study.path}: motion {motion['name']}", motion, scene, seed)
-    return columns, tuple(moves), hashlib.sha256(repr((columns, moves)).encode()).hexdigest()
+        path = f"{study.path}: motion {motion['name']}"
+        text = _generated(path, motion, scene, seed)
+    rows = scene.parse_script(text, path)
+    if not rows:
+        raise Error(f"{path}: there is no row below the header; give at least one")
+    devices = _device_files(device for row in rows for _, device in row.exchanges)
+    return Script(text, path, tuple(map(str, devices)))
 
 
 def cases(study: Study) -> Iterable[Case]:
@@ -358,8 +325,8 @@ def cases(study: Study) -> Iterable[Case]:
         text = read_text(file)
         folder = str(file.parent.resolve())
         plain = Scene.from_text(text, folder, scene_file)
-        # Keyed by the motion's name, and by the seed if the motion is random.
-        rows: Dict[Tuple[str, int], Tuple[Tuple[str, ...], Tuple[Tuple[float, ...], ...], str]] = {}
+        # Keyed by the motion's name, the instruments at the start, and the seed if the motion is random.
+        scripts: Dict[Any, Script] = {}
         for values in itertools.product(*study.axes.values()):
             for seed in study.seeds:
                 chosen: Dict[str, Any] = dict(zip(study.axes, values))
@@ -372,16 +339,18 @@ def cases(study: Study) -> Iterable[Case]:
                     raise Error(f"{study.path}: {error}") from None
                 named = _named_files(scene)
                 files = file_hashes(named, known)
+                starts = tuple((info.name, info.start) for info in scene.instruments)
                 for motion in study.motions:
                     name = motion["name"]
-                    by_seed = (name, seed if motion.get("spread") else -1)
-                    if by_seed not in rows:
-                        rows[by_seed] = _rows(study, motion, plain, seed)
-                    columns, moves, moves_hash = rows[by_seed]
-                    inputs = json.dumps([__build__, scene.text, files, moves_hash, study.shapes])
+                    of = (name, starts, seed if motion.get("spread") else None)
+                    if of not in scripts:
+                        scripts[of] = _script(study, motion, scene, seed)
+                    script = scripts[of]
+                    read = files + file_hashes(script.named, known)
+                    inputs = json.dumps([__build__, scene.text, read, script.text, study.shapes])
                     labels = {"scene": file.stem, "motion": name, "seed": seed, **chosen}
                     key = hashlib.sha256(inputs.encode()).hexdigest()
-                    yield Case(key, text, folder, scene_file, chosen, named, files, columns, moves, study.shapes, "script" not in motion, labels)
+                    yield Case(key, text, folder, scene_file, chosen, named + script.named, read, script, study.shapes, labels)
 
 
 def need(module: str, package: str) -> Any:

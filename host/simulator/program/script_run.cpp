@@ -127,17 +127,6 @@ class ScriptRows {
   std::size_t given_ = 0;
 };
 
-void Exchange(const ScriptRow& row, Simulation& simulation) {
-  for (const ScriptRow::Exchange& exchange : row.exchanges) {
-    try {
-      simulation.Exchange(simulation.scene().instruments()[exchange.instrument].name,
-                          exchange.device);
-    } catch (const Error& error) {
-      throw UserError(row.place + ": " + error.what());
-    }
-  }
-}
-
 }  // namespace
 
 ScriptResult RunScript(const Scene& scene, const std::string& script, const ScriptOutputs& outputs,
@@ -155,7 +144,6 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
     record.emplace(outputs.record, scene.path(), !simulation.readings().empty());
   }
   const bool shows_progress = rows.from_file() && isatty(fileno(stderr)) != 0;
-  std::optional<double> first_s;
   ScriptResult result;
   while (!stop) {
     const std::optional<ScriptRow> next = rows.Next();
@@ -163,10 +151,6 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
       if (!streams.interrupted()) result.end = ScriptEnd::kLastRow;
       break;
     }
-    Exchange(*next, simulation);
-    Command row = next->command;
-    if (!first_s) first_s = row.time_s;
-    row.time_s -= *first_s;
     RowCost cost;
     std::int64_t start_us = bus::MonotonicUs();
     const auto after_tick = [&](const StepReport& tick) {
@@ -177,9 +161,9 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
       return !stop;
     };
     // A row may have an hour of ticks, so `stop` can interrupt it. An unfinished row has no state.
-    cost.row = simulation.Step(row, after_tick);
+    cost.row = simulation.StepRow(*next, after_tick);
     if (!cost.row.finished) break;
-    if (states && !states->Write({simulation, next->command.time_s, cost})) break;
+    if (states && !states->Write({simulation, next->time_s, cost})) break;
     result.unconverged += !cost.row.converged;
     ++result.done;
     if (shows_progress && (result.done % 64 == 1 || result.done == rows.count())) {
