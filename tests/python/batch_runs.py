@@ -39,15 +39,15 @@ def cases(count):
     return f'scenes = ["ty_phantom"]\nseeds = {list(range(count))}\n{MOTION}'
 
 
-def start(study, out, *more):
+def start(study, out, *more, **environment):
     return subprocess.Popen(
         [sys.executable, "-B", "-m", "torquer.batch", str(study), "--out", str(out), *map(str, more)],
-        env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=out.parent,
+        env={**ENVIRONMENT, **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=out.parent,
     )
 
 
-def finish(study, out, *more):
-    process = start(study, out, *more)
+def finish(study, out, *more, **environment):
+    process = start(study, out, *more, **environment)
     output, error = process.communicate(timeout=120)
     return process.returncode, output, error
 

@@ -16,6 +16,7 @@ FOREIGN = {
     "a linked lock": {"lock": "->"},
     "a linked shapes": {"shapes": "->"},
     "a linked readings.jsonl": {"readings.jsonl": "->"},
+    "linked shares": {"shares": "->", "mine": b"mine"},
 }
 CHANGED = {
     **{f"another {name}": {name: b"mine"} for name in ("readings.csv", "failures.jsonl", "report.html")},
@@ -36,7 +37,7 @@ def put(out, target, files):
         else:
             path.unlink(missing_ok=True)
         if content == "->":
-            path.symlink_to(target / "folder" if name == "shapes" else target / "file")
+            path.symlink_to(target / "folder" if name in ("shapes", "shares") else target / "file")
         elif content == "pipe":
             os.mkfifo(path)
         else:
@@ -70,10 +71,25 @@ def test_a_folder_of_the_user_is_refused_and_stays_unchanged(study, tmp_path, ta
     before = tree(tmp_path)
     path = study(cases(1))
     before[path] = path.read_bytes()
-    with pytest.raises(torquer.Error, match="no mark of torquer-batch") as refused:
-        torquer.batch.run(str(path), str(out))
-    assert str(out) in str(refused.value)
-    assert tree(tmp_path) == before
+    for share in (None, "1/2"):
+        with pytest.raises(torquer.Error, match="no mark of torquer-batch") as refused:
+            torquer.batch.run(str(path), str(out), share=share)
+        assert str(out) in str(refused.value)
+        assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("what", ["shares", "shares/1-of-2"])
+def test_linked_shares_are_refused_and_stay_unchanged(study, tmp_path, target, what):
+    out = tmp_path / "out"
+    path = study(cases(1))
+    torquer.batch.run(str(path), str(out))
+    (out / what).parent.mkdir(exist_ok=True)
+    (out / what).symlink_to(target / "folder")
+    before = tree(target)
+    for call in (lambda: torquer.batch.run(str(path), str(out), share="1/2"), lambda: torquer.batch.gather(str(path), str(out))):
+        with pytest.raises(torquer.Error, match=f"{out / what}: is not a folder, or a symbolic link to one"):
+            call()
+    assert tree(target) == before
 
 
 @pytest.fixture(scope="module")

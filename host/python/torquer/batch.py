@@ -2,8 +2,9 @@
 
     torquer.batch.run("study.toml", "results", workers=2)
 
-Stored cases are not run again, and no kill loses them. The README of the package describes the
-study file and clusters.
+Stored cases are not run again, and no kill loses them. Jobs that do not know each other work on
+shares, and gather() then collects these. The README of the package describes the study file and
+clusters.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import hashlib
 import itertools
 import json
 import logging
@@ -24,10 +26,11 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, TextIO
 
 from . import Error, __build__, __version__
 from . import _batch_case, _batch_report, _command
+from ._batch_share import Share, read_share, slurm_share
 from ._batch_store import Stopped, Store
-from ._batch_study import Case, cases, need, read_study
+from ._batch_study import Case, Study, cases, need, read_study
 
-__all__ = ["Stopped", "Summary", "main", "run"]
+__all__ = ["Stopped", "Summary", "gather", "main", "run"]
 
 # Cases submitted ahead of the workers: enough that no worker waits, few enough for the scheduler.
 _AHEAD = 4
@@ -174,6 +177,7 @@ def _quiet() -> Iterator[None]:
 @contextlib.contextmanager
 def _client(workers: int, scheduler: Optional[str]) -> Iterator[Any]:
     distributed = need("distributed", "python3-distributed")  # sets the level of its log
+    need("zarr", "python3-zarr")  # with which the results are stored
     with _WithoutMain(), _quiet():
         client = _connect(workers, scheduler)
         try:
@@ -236,6 +240,29 @@ def _lost(why: str) -> Error:
     return Stopped(f"the scheduler is gone ({why}); the finished cases are stored; run the command again")
 
 
+class _Work:
+    """Cases of a study that a call is about."""
+
+    def __init__(self, study: str) -> None:
+        self.study: Study = read_study(study)
+        self.cases: List[Case] = list(cases(self.study))
+        self.keys: Dict[str, None] = dict.fromkeys(case.key for case in self.cases)
+        self.identity = {"study": hashlib.sha256("".join(self.keys).encode()).hexdigest(), "build": __build__}
+
+    @property
+    def count(self) -> int:
+        return len(self.keys)
+
+    def keep_only(self, share: Share) -> None:
+        self.keys = dict.fromkeys(share.of(list(self.keys)))
+        self.cases = [case for case in self.cases if case.key in self.keys]
+
+    def finish(self, store: Store, failures: List[Dict[str, Any]]) -> None:
+        stored = store.readings
+        rows = [{**case.labels, **_batch_report.marked(stored[case.key])} for case in self.cases if case.key in stored]
+        store.finish(rows, failures, _batch_report.page(self.study, rows, failures))
+
+
 def run(
     study: str,
     out: str,
@@ -243,6 +270,7 @@ def run(
     scheduler: Optional[str] = None,
     progress: Optional[TextIO] = None,
     on_case: Optional[Callable[[Case], None]] = None,
+    share: Optional[str] = None,
 ) -> Summary:
     """Runs the cases of a study file that are not stored in the folder `out` yet.
 
@@ -250,17 +278,18 @@ def run(
     scheduler: address of Dask's scheduler, as "tcp://node1:8786"; replaces workers.
     progress: stream for a line about the progress.
     on_case: called after each case that was stored.
+    share: "3/64" runs the third of 64 shares of the cases, and stores it in `out`/shares/3-of-64.
 
     Raises Error naming the file, the key, its value and the remedy. If the scheduler is lost or
     the disk is full, completed cases are stored.
     """
-    read = read_study(study)
+    part = None if share is None else read_share(share)
+    work = _Work(study)
     began = time.monotonic()
-    with Store(pathlib.Path(out)) as store:
-        every = list(cases(read))
-        left: Dict[str, Case] = {case.key: case for case in every if case.key not in store.readings}
-        keys = {case.key for case in every}
-        before = len(keys) - len(left)
+    with Store(pathlib.Path(out), part.folder if part else "", work.identity if part else None) as store:
+        if part:
+            work.keep_only(part)
+        left: Dict[str, Case] = {case.key: case for case in work.cases if not store.has(case.key)}
         done = 0
         failures: List[Dict[str, Any]] = []
         if left:
@@ -277,12 +306,28 @@ def run(
                             on_case(case)
                     line.show(done, len(failures))
             line.show(done, len(failures), last=True)
-        rows = [
-            {**case.labels, **_batch_report.marked(store.readings[case.key])} for case in every if case.key in store.readings
+        work.finish(store, failures)
+        return Summary(work.count, work.count - len(left), done, failures, time.monotonic() - began, str(store.folder))
+
+
+def gather(study: str, out: str) -> Summary:
+    """Collects the results of all shares of a study from `out`/shares in the folder `out`.
+
+    Missing cases are failures of the summary. Raises Error for a share of another study or build.
+    """
+    work = _Work(study)
+    began = time.monotonic()
+    with Store(pathlib.Path(out)) as store:
+        before = sum(key in store.readings for key in work.keys)
+        failed = store.gather(work.keys, work.identity)
+        missing: List[Dict[str, Any]] = [
+            {"case": case.labels, "message": failed.get(json.dumps(case.labels), "no share has stored it yet")}
+            for case in work.cases
+            if case.key not in store.readings
         ]
-        page = _batch_report.page(read, rows, failures)
-        store.finish(rows, failures, page)
-    return Summary(len(keys), before, done, failures, time.monotonic() - began, out)
+        work.finish(store, missing)
+        done = sum(key in store.readings for key in work.keys) - before
+        return Summary(work.count, before, done, missing, time.monotonic() - began, str(store.folder))
 
 
 def _unexpected(error: Exception) -> str:
@@ -304,7 +349,12 @@ def main() -> int:
         "--workers", metavar="N", type=int, default=0,
         help="number of processes on this machine (default: one process with a thread per core)",
     )
+    where.add_argument("--gather", action="store_true", help="run nothing; collect the results of all shares from FOLDER/shares")
     where.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler, such as tcp://node1:8786")
+    parser.add_argument(
+        "--share", metavar="K/N",
+        help="run share K of N of the cases, and store it in FOLDER/shares (default in a job array of Slurm: share of the task)",
+    )
     parser.add_argument("--json", action="store_true", help="print one line of JSON at the end")
     parser.add_argument("--completion", choices=["bash"], action=_command.Completion, help="print a completion script for bash")
     arguments = parser.parse_args()
@@ -312,7 +362,13 @@ def main() -> int:
     try:
         if not 0 <= arguments.workers <= 1024:
             raise Error(f"--workers {arguments.workers}: give 1 to 1024")
-        summary = run(arguments.study, out, arguments.workers, arguments.scheduler, sys.stderr)
+        if arguments.gather:
+            if arguments.share:
+                raise Error("--share and --gather exclude each other; gather when the shares have run")
+            summary = gather(arguments.study, out)
+        else:
+            share = arguments.share or slurm_share(os.environ)
+            summary = run(arguments.study, out, arguments.workers, arguments.scheduler, sys.stderr, share=share)
     except Error as error:
         print(f"torquer-batch: {error}", file=sys.stderr)
         return 1 if isinstance(error, Stopped) else 2
@@ -323,11 +379,12 @@ def main() -> int:
         print(json.dumps(dataclasses.asdict(summary)))
     else:
         print(
-            f"{summary.done} cases done, {summary.stored_before} were stored before, {len(summary.failures)} failed: "
+            f"{summary.done} cases {'gathered' if arguments.gather else 'done'}, {summary.stored_before} were stored before, "
+            f"{len(summary.failures)} {'missing' if arguments.gather else 'failed'}: "
             f"{summary.folder}/report.html"
         )
     for failure in summary.failures[:10]:
-        print(f"failed: {_batch_report.name(failure['case'])}: {failure['message']}", file=sys.stderr)
+        print(f"{'missing' if arguments.gather else 'failed'}: {_batch_report.name(failure['case'])}: {failure['message']}", file=sys.stderr)
     if len(summary.failures) > 10:
         print(f"and {len(summary.failures) - 10} more: {summary.folder}/failures.jsonl", file=sys.stderr)
     return 1 if summary.failures else 0
