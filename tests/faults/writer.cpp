@@ -56,6 +56,8 @@ struct Inputs {
     std::ofstream(scene.Beside("motion.csv"))
         << "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n0,0,0,0,0,none\n"
            "0.02,0.1,0,0,0,none\n";
+    std::ofstream(scene.Beside("states.jsonl"))
+        << "{\"time_s\": 0, \"nodes_mm\": [[0, 0, 0], [1, 0, 0]]}\n";
     vessel::WriteObj(scene.Beside("tube.obj"), vessel::MakeClosedTube());
     std::ofstream(scene.Beside("surface.toml"))
         << "name = \"x\"\n[vessel]\nkind = \"surface\"\nfile = \"tube.obj\"\nmesh_unit = \"mm\"\n"
@@ -199,6 +201,10 @@ const std::vector<Writer>& Writers() {
                  "-B", SourcePath("/tests/faults/short_training.py"), "@/policy.npz"},
        .refuses_existing = true,
        .whole = IsWholeZip},
+      {.name = "torquer convert",
+       .words = {"/usr/bin/env", "PYTHONPATH=" + ProgramPath("../lib/python"), "/usr/bin/python3",
+                 "-B", "-m", "torquer", "convert", In("states.jsonl"), "@/wire.vtp"},
+       .former = {"wire.vtp"}},
       // The next run judges its claims: it must be able to use the existing file.
       {.name = "torquer-daemon with its last position",
        .words = {"/usr/bin/env", "XDG_RUNTIME_DIR=@", ProgramPath("torquer-daemon"), "--source",

@@ -283,7 +283,7 @@ def _write_text(path: pathlib.Path, text: str) -> None:
         raise Error(f"{path}: is not an ordinary file; give another name")
     # Torquer's programs, too, write the file that a link points to.
     target = pathlib.Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}")
+    temporary = target.with_name(f".torquer-{secrets.token_hex(8)}")
     try:
         with temporary.open("x") as file:
             file.write(text)
@@ -300,7 +300,7 @@ def write_folder(folder: Path, files: Mapping[str, Union[str, bytes]]) -> None:
         raise Error(f"{folder}: exists already; remove it, or give another name")
     temporary = None
     try:
-        temporary = pathlib.Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        temporary = pathlib.Path(tempfile.mkdtemp(prefix=".torquer-", dir=folder.parent))
         for name, contents in files.items():
             (temporary / name).write_bytes(contents if isinstance(contents, bytes) else contents.encode())
         temporary.chmod(0o755)
