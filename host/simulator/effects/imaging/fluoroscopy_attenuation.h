@@ -67,25 +67,6 @@ struct WirePoint {
 /// ends.
 void AddWire(const Projection& projection, const std::vector<WirePoint>& wire, Plane& plane);
 
-/// Patient around the vessels: a smooth body with a spine.
-struct Body {
-  Eigen::Vector3d center_mm = Eigen::Vector3d::Zero();
-  vessel::PatientAxes axes;
-  double width_mm = 320;  ///< from left to right; 0: no body
-  double depth_mm = 220;  ///< from front to back
-  double tissue_1_mm = 0.018;
-  double spine_1_mm = 0.01;  ///< in excess of tissue
-  /// Displacement of the organs by breath and heartbeat.
-  Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();
-};
-
-/// Line integral through the body along the middle ray.
-double MiddleIntegral(const Projection& projection, const Body& body);
-
-/// Adds the line integrals through the body to the plane. They are smooth, so they are evaluated on
-/// a grid and interpolated. Returns the mean in the field's middle, which sets the exposure.
-float FillWithBody(const Projection& projection, const Body& body, Plane& plane);
-
 /// Blurs by 1/4 1/2 1/4 in rows and columns, as focal spot and detector do. `scratch` may have any
 /// size.
 void Blur(Plane& plane, Plane& scratch);

@@ -22,6 +22,7 @@ struct FluoroscopySpec : TableSpec {
 
   FluoroscopySettings::Mode mode = FluoroscopySettings::Mode::kPlain;
   BodyKind body = BodyKind::kModel;
+  BodyRegion body_region = BodyRegion::kTrunk;
   std::optional<std::string> ct_file;
   double energy_keV = ScanSource().picture_keV;
   double ct_keV = ScanSource().ct_keV;
@@ -85,7 +86,7 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
           .Number("iodine_1_mm_mg_mL", &Spec::iodine_1_mm_mg_mL, 0, 0.01, "1/mm per mg/mL",
                   "attenuation coefficient of iodine per concentration")
           .Choice("body", &Spec::body, {"model", "ct"},
-                  "model: an elliptic trunk with a spine; ct: the patient's scan in ct_file, with "
+                  "model: analytic shapes, by body_region; ct: the patient's scan in ct_file, with "
                   "blood in place of the contrast agent in the lumen of the vessel")
           .Otherwise("none")
           .Text(
@@ -100,6 +101,11 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
           .Number("ct_blur_mm", &Spec::ct_blur_mm, 0, 3, "mm",
                   "standard deviation of the CT's point spread, by which the contrast agent in the "
                   "lumen has spread into its surroundings")
+          .Choice("body_region", &Spec::body_region,
+                  {"trunk", "head", "neck", "arch", "heart", "abdomen", "pelvis"},
+                  "part of the patient at the body's center. trunk: an elliptic trunk with a "
+                  "spine, without ends; the others: heights in a patient with skull, ribs, lungs, "
+                  "diaphragm and pelvis")
           .Number("body_width_mm", &Spec::body_width_mm, 0, 1000, "mm",
                   "width of the patient's body, from left to right; 0: no body")
           .Number("body_depth_mm", &Spec::body_depth_mm, 10, 1000, "mm",
@@ -121,8 +127,8 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
             for (const char* key : {"ct_file", "energy_keV", "ct_keV", "ct_blur_mm"}) {
               if (!is_ct && table.Has(key)) table.Refuse(key, "is for body = \"ct\"; leave it out");
             }
-            for (const char* key : {"body_center_mm", "body_width_mm", "body_depth_mm",
-                                    "tissue_1_mm", "spine_1_mm"}) {
+            for (const char* key : {"body_center_mm", "body_region", "body_width_mm",
+                                    "body_depth_mm", "tissue_1_mm", "spine_1_mm"}) {
               if (is_ct && table.Has(key))
                 table.Refuse(key, "is for body = \"model\"; leave it out");
             }
@@ -199,6 +205,8 @@ std::unique_ptr<Effect> MakeFluoroscopy(const FluoroscopySpec& spec, const Effec
   s.body.depth_mm = spec.body_depth_mm;
   s.body.tissue_1_mm = spec.tissue_1_mm;
   s.body.spine_1_mm = spec.spine_1_mm;
+  s.body.region = spec.body_region;
+  s.body.tubes = TubesOf(s.body);
   s.seed = static_cast<std::uint64_t>(spec.seed);
   if (spec.body == FluoroscopySpec::BodyKind::kCt) {
     s.scan_source = {.file = (context.folder / *spec.ct_file).string(),

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/imaging/body_model.h"
 #include "host/simulator/effects/imaging/ct_body.h"
-#include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
 #include "host/simulator/effects/imaging/fluoroscopy_projection.h"
 
 namespace torquer::effects {

@@ -17,11 +17,20 @@ constexpr float kBackground = 0.56F;  // gray value of the mean exposure, 0 .. 1
 // Displayed fraction of the body's contrast. Slow changes are compressed, as in real systems, so
 // that thin and thick parts fit into the gray range together.
 constexpr float kBodyShown = 0.6F;
+// Largest displayed contrast of the body: lungs, and air beside the body, are not burnt out.
+constexpr float kMostShown = 0.9F;
 constexpr float kSubtractedBackground = 0.78F;  // gray value of unchanged pixels
 constexpr float kRoadmapBackground = 0.5F;
 constexpr float kRoadmapDye = 0.6F;  // weight of the map against the dye itself
 constexpr std::uint64_t kMaskPicture =
     1ULL << 40;  // gives the mask its own noise, unlike that of any picture
+
+// The part of a slow change that a picture does not show.
+float Hidden(float contrast) {
+  const float shown = kBodyShown * contrast;
+  const float part = shown / kMostShown;
+  return contrast - shown / std::sqrt(1 + part * part);
+}
 
 }  // namespace
 
@@ -72,7 +81,12 @@ float PictureRenderer::FillBody(const Projection& projection, const Vector3d& or
     return settings_.scan->FillCoarsely(projection, memory_.body_plane);
   Body body = settings_.body;
   body.organs_mm = memory_.body_organs_mm = organs_mm;
-  return FillWithBody(projection, body, memory_.body_plane);
+  const float mean = FillWithBody(projection, body, memory_.body_plane);
+  if (body.tubes != nullptr) {
+    memory_.body_smooth = memory_.body_plane;
+    AddTubes(projection, body, memory_.body_plane);
+  }
+  return mean;
 }
 
 // Refines the plane of a scan as far as pictures of this view allow. The scan is at
@@ -205,6 +219,8 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
                            : mode == Mode::kSubtraction ? kSubtractedBackground
                                                         : kRoadmapBackground;
   const float* const body = memory_.body_plane.value.data();
+  const Plane& smooth =
+      memory_.body_smooth.value.empty() ? memory_.body_plane : memory_.body_smooth;
   const float* const devices = devices_.value.data();
   const float* const dye = dye_.value.data();
   const auto scatter = static_cast<float>(settings_.scatter_to_primary);
@@ -217,8 +233,8 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
     float value = 0;
     switch (mode) {
       case Mode::kPlain:
-        value = (1 - kBodyShown) * WithScatter(thick, scatter) - WithScatter(seen, scatter) +
-                deviation * noise_[i];
+        value = Hidden(WithScatter(smooth.value[i] - memory_.exposure, scatter)) -
+                WithScatter(seen, scatter) + deviation * noise_[i];
         break;
       case Mode::kSubtraction:
       case Mode::kRoadmap: {

@@ -34,6 +34,7 @@ class PictureRenderer {
   // Memory that one picture passes on to the next.
   struct Memory {
     Plane body_plane;
+    Plane body_smooth;  // the same without the body's tubes; empty if there are none
     Plane mask, mask_body, densest_dye;
     std::vector<float> mask_noise;
     bool has_body = false;
