@@ -221,6 +221,7 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
 
     class Stand:
         action_space = steve.SteveEnv("BasicWireNav").action_space
+        largest_mN = 40.0
 
         def __init__(self, name, realistic, task):
             made.append((name, realistic, task))
@@ -243,11 +244,16 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
                 "safe_success": {0: True, 1: False, 2: None}[k] if end else False,
                 "time_s": 0.5 + (k + 1) * self.step_count,
                 "path_ratio": 0.25 * (k + 1),
-                "wall_force_mN": [10.0 * (k + 1), math.nan if k == 2 else 40.0, 5.0][self.step_count - 1],
+                "wall_force_mN": self._force_mN(k),
                 "target": "lcca",
                 "at_end": self.step_count == 2,
             }
             return self._none(), 0.0, end and k != 1, end and k == 1, info
+
+        def _force_mN(self, k):
+            if math.isnan(Stand.largest_mN):
+                return math.nan
+            return [10.0 * (k + 1), math.nan if k == 2 else Stand.largest_mN, 5.0][self.step_count - 1]
 
         def _none(self):
             return {"tracking": np.zeros((2, 3, 2)), "target": np.zeros(2), "last_action": np.zeros((1, 2))}
@@ -265,6 +271,12 @@ def test_an_evaluation_counts_the_held_out_episodes(monkeypatch):
     assert found["steps"] == 6 and found["steps_core_s"] > 0
     table = baselines.as_table([{**found, "policy": "only pushed", "steps_core_s": 800.4}]).splitlines()
     assert table[2] == "| BasicWireNav, realistic | only pushed | 2 of 3 | 1, 1 | 6.0 | 0.50 | 40, 40 | 800 |"
+    # No force is known in any step.
+    monkeypatch.setattr(Stand, "largest_mN", math.nan)
+    found = baselines.evaluate("BasicWireNav", True, baselines.pushed, 3)
+    assert (found["force_p50_mN"], found["force_max_mN"], found["steps_of_unknown_force"]) == (None, None, 9)
+    table = baselines.as_table([{**found, "policy": "only pushed", "steps_core_s": 800.4}]).splitlines()
+    assert table[2].endswith("| 0.50 | - | 800 |")
 
 
 def test_evaluations_repeat(short, tmp_path):

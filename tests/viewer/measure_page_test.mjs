@@ -126,7 +126,7 @@ test("diameters and narrowings of vessels are those of the cylinders, within the
 });
 
 test("millimeters are null where the scale is not known, with the reason", async () => {
-  const cylinder = cylinders.find(({ height_mm, magnification }) => height_mm === 0 && magnification === 2);
+  const cylinder = cylinders.find((one) => one.height_mm === 0 && one.magnification === 2 && one.diameter_mm === 8);
   const index = cylinders.indexOf(cylinder);
   await tool("Vessel");
   await show(index, cylinder.field_mm, cylinder.field_mm / 1.5);

@@ -311,7 +311,7 @@ def evaluate(
     for k in range(whole("episodes", episodes, 1, 10**6)):
         observation, info = env.reset(seed=HELD_OUT_SEED + k)
         act = begin(env, info)
-        ended, largest_mN, unknown = False, 0.0, 0
+        ended, largest_mN, unknown = False, np.nan, 0
         began_s = info["time_s"]
         while not ended:
             shares = act(observation)
@@ -327,6 +327,7 @@ def evaluate(
             print(f"episode {k}: {info['target']}, {'reached' if info['success'] else 'missed'}", file=out, flush=True)
     success = np.array([row[0] for row in rows], bool)
     times = [row[2] for row in rows if row[0]]
+    forces_mN = [row[4] for row in rows if not np.isnan(row[4])]
     return {
         "task": name,
         "realistic": realistic,
@@ -336,8 +337,8 @@ def evaluate(
         "safety_unknown": sum(row[1] is None for row in rows),
         "time_s": float(np.mean(times)) if times else None,
         "path_ratio": float(np.mean([row[3] for row in rows])),
-        "force_p50_mN": float(np.median([row[4] for row in rows])),
-        "force_max_mN": max(row[4] for row in rows),
+        "force_p50_mN": float(np.median(forces_mN)) if forces_mN else None,
+        "force_max_mN": max(forces_mN, default=None),
         "steps_of_unknown_force": sum(row[5] for row in rows),
         "steps": steps,
         "steps_core_s": steps / max(core_s, 1e-9),
@@ -353,9 +354,10 @@ def as_table(results: List[Dict[str, Any]]) -> str:
     ]
     for row in results:
         time_s = "-" if row["time_s"] is None else f"{row['time_s']:.1f}"
+        forces = "-" if row["force_max_mN"] is None else f"{row['force_p50_mN']:.0f}, {row['force_max_mN']:.0f}"
         lines.append(
             f"| {row['task']}{', realistic' if row['realistic'] else ''} | {row['policy']} | "
             f"{row['reached']} of {row['episodes']} | {row['safe']}, {row['safety_unknown']} | {time_s} | "
-            f"{row['path_ratio']:.2f} | {row['force_p50_mN']:.0f}, {row['force_max_mN']:.0f} | {row['steps_core_s']:.0f} |"
+            f"{row['path_ratio']:.2f} | {forces} | {row['steps_core_s']:.0f} |"
         )
     return "\n".join(lines)

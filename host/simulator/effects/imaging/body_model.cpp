@@ -166,7 +166,7 @@ class BodyIntegrals {
   double Tissue(const Line& line, const Chord& trunk) const {
     const Chord shoulders = InEllipsoid(line, At(0, 0, 110), At(0.5, 0.5, 115));
     const Chord neck = InEllipsoid(line, At(0, 0.1, 250), {58, 64, 130});
-    const Chord head = InEllipsoid(line, At(0, 0, kHeadMm), kHead);
+    const Chord head = InEllipsoid(line, At(0, 0, kHeadMm), HalfHead());
     const Chord below = Below(line, 110, trunk);
     // The neck begins inside the trunk.
     const double upper = LengthOfEither(neck, head);
@@ -209,8 +209,8 @@ class BodyIntegrals {
   // Skull and pelvis, as a length in bone like that of the spine.
   double Bone(const Line& line) const {
     const Vector3d head = At(0, 0, kHeadMm);
-    const double table = InEllipsoid(line, head, kHead - Vector3d(4, 4, 4)).length() -
-                         InEllipsoid(line, head, kHead - Vector3d(10, 10, 10)).length();
+    const double table = InEllipsoid(line, head, HalfHead() - Vector3d(4, 4, 4)).length() -
+                         InEllipsoid(line, head, HalfHead() - Vector3d(10, 10, 10)).length();
     const double base = InEllipsoid(line, {0, 8, 352}, {58, 62, 9}).length();
     double sum = 2 * table + base;
     for (const double side : {-1.0, 1.0}) {
@@ -223,7 +223,7 @@ class BodyIntegrals {
     return sum;
   }
 
-  static const Vector3d kHead;  // half axes, mm
+  static Vector3d HalfHead() { return {76, 96, 108}; }  // half axes, mm
 
   const Body& body_;
   double up_mm_;
@@ -231,8 +231,6 @@ class BodyIntegrals {
   Eigen::Matrix3d patient_;
   Vector3d organs_;
 };
-
-const Vector3d BodyIntegrals::kHead(76, 96, 108);
 
 // Makes the tubes, in the scene's coordinates.
 class TubeMaker {
