@@ -184,6 +184,8 @@ TEST_CASE("Keys of a scan that do not fit are refused", "[effects]") {
   CHECK_THAT(Refusal(kStraight + xray + "ct_file = \"a.mha\"\n"), Contains("is for body = \"ct\""));
   CHECK_THAT(Refusal(kStraight + xray + "ct_keV = 70\n"), Contains("is for body = \"ct\""));
   CHECK_THAT(Refusal(WithScan(path, "body_width_mm = 300\n")), Contains("is for body = \"model\""));
+  CHECK_THAT(Refusal(WithScan(path, "body_region = \"heart\"\n")),
+             Contains("is for body = \"model\""));
   CHECK_THAT(Refusal(WithScan(folder.Path("none.mha"))),
              Contains("ct_file") && Contains("No such file"));
   CtVolume elsewhere = Trunk();

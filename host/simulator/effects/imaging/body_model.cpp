@@ -14,30 +14,17 @@ using Eigen::Vector3d;
 // Heights in the patient, mm above the dome of the diaphragm, which is at the tenth vertebra of the
 // chest. A man of 1.75 m, by the usual proportions of anatomy; no figure is of one patient.
 constexpr double kHeadMm = 405;
-constexpr double kNeckMm = 265;
-constexpr double kArchMm = 130;
 constexpr double kHeartMm = 40;
-constexpr double kAbdomenMm = -110;
-constexpr double kPelvisMm = -230;
 
 double HeightOf(BodyRegion region) {
-  switch (region) {
-    case BodyRegion::kHead:
-      return kHeadMm;
-    case BodyRegion::kNeck:
-      return kNeckMm;
-    case BodyRegion::kArch:
-      return kArchMm;
-    case BodyRegion::kHeart:
-      return kHeartMm;
-    case BodyRegion::kAbdomen:
-      return kAbdomenMm;
-    case BodyRegion::kPelvis:
-      return kPelvisMm;
-    case BodyRegion::kTrunk:
-      break;
-  }
-  return 0;
+  // By region; a trunk has no height.
+  constexpr std::array<double, 7> kHeightsMm = {0, kHeadMm, 265, 130, kHeartMm, -110, -230};
+  return kHeightsMm[static_cast<std::size_t>(region)];
+}
+
+// Place by shares of the body's width and depth.
+Vector3d PlaceIn(const Body& body, double left, double posterior, double superior_mm) {
+  return {left * body.width_mm, posterior * body.depth_mm, superior_mm};
 }
 
 // Line from `from` along `ray`, in the patient's coordinates: left, posterior, superior.
@@ -132,9 +119,8 @@ class BodyIntegrals {
   }
 
  private:
-  // Share of the body's width and depth.
-  Vector3d At(double left, double posterior, double superior_mm) const {
-    return {left * body_.width_mm, posterior * body_.depth_mm, superior_mm};
+  Vector3d Place(double left, double posterior, double superior_mm) const {
+    return PlaceIn(body_, left, posterior, superior_mm);
   }
 
   // Vertebrae: a posterior column, denser every 34 mm, with edges softened by two shells.
@@ -164,9 +150,9 @@ class BodyIntegrals {
 
   // Trunk with round shoulders, neck and head.
   double Tissue(const Line& line, const Chord& trunk) const {
-    const Chord shoulders = InEllipsoid(line, At(0, 0, 110), At(0.5, 0.5, 115));
-    const Chord neck = InEllipsoid(line, At(0, 0.1, 250), {58, 64, 130});
-    const Chord head = InEllipsoid(line, At(0, 0, kHeadMm), HalfHead());
+    const Chord shoulders = InEllipsoid(line, Place(0, 0, 110), Place(0.5, 0.5, 115));
+    const Chord neck = InEllipsoid(line, Place(0, 0.1, 250), {58, 64, 130});
+    const Chord head = InEllipsoid(line, Place(0, 0, kHeadMm), HalfHead());
     const Chord below = Below(line, 110, trunk);
     // The neck begins inside the trunk.
     const double upper = LengthOfEither(neck, head);
@@ -179,12 +165,13 @@ class BodyIntegrals {
   double Air(const Line& line) const {
     constexpr double kLung = 0.74;
     double sum = 0;
-    const Chord heart = InEllipsoid(line, At(0.07, -0.14, kHeartMm) + organs_, At(0.18, 0.22, 62));
+    const Chord heart =
+        InEllipsoid(line, Place(0.07, -0.14, kHeartMm) + organs_, Place(0.18, 0.22, 62));
     for (const double side : {-1.0, 1.0}) {
-      const Chord lung = InEllipsoid(line, At(0.25 * side, 0.02, 85), At(0.165, 0.34, 128));
+      const Chord lung = InEllipsoid(line, Place(0.25 * side, 0.02, 85), Place(0.165, 0.34, 128));
       const double dome_mm = side < 0 ? -70 : -80;  // the liver lifts the right one
       const Chord dome =
-          InEllipsoid(line, At(0.22 * side, 0, dome_mm) + organs_, At(0.24, 0.5, 80));
+          InEllipsoid(line, Place(0.22 * side, 0, dome_mm) + organs_, Place(0.24, 0.5, 80));
       sum += kLung * (lung.length() - LengthOfEither(Both(lung, dome), Both(lung, heart)));
     }
     // Stomach and bowel.
@@ -193,9 +180,9 @@ class BodyIntegrals {
                                                             {0.3, 0.05, -118, 0.045, 0.06, 38},
                                                             {-0.06, 0, -240, 0.05, 0.06, 20}}};
     for (const auto& gas : kGas) {
-      sum +=
-          0.9 * InEllipsoid(line, At(gas[0], gas[1], gas[2]) + organs_, At(gas[3], gas[4], gas[5]))
-                    .length();
+      sum += 0.9 * InEllipsoid(line, Place(gas[0], gas[1], gas[2]) + organs_,
+                               Place(gas[3], gas[4], gas[5]))
+                       .length();
     }
     // Air of the trachea, the throat and the sinuses.
     const Chord trachea = InColumn(line, 0, -0.02 * body_.depth_mm, 8, 7);
@@ -208,16 +195,16 @@ class BodyIntegrals {
 
   // Skull and pelvis, as a length in bone like that of the spine.
   double Bone(const Line& line) const {
-    const Vector3d head = At(0, 0, kHeadMm);
+    const Vector3d head = Place(0, 0, kHeadMm);
     const double table = InEllipsoid(line, head, HalfHead() - Vector3d(4, 4, 4)).length() -
                          InEllipsoid(line, head, HalfHead() - Vector3d(10, 10, 10)).length();
     const double base = InEllipsoid(line, {0, 8, 352}, {58, 62, 9}).length();
     double sum = 2 * table + base;
     for (const double side : {-1.0, 1.0}) {
-      const Vector3d wing = At(0.25 * side, 0.08, -215);
+      const Vector3d wing = Place(0.25 * side, 0.08, -215);
       sum += 1.5 * InEllipsoid(Turned(line, wing, 0.7 * side), wing, {9, 0.24 * body_.depth_mm, 70})
                        .length();
-      const Vector3d hip = At(0.28 * side, 0, -292);
+      const Vector3d hip = Place(0.28 * side, 0, -292);
       sum += InEllipsoid(line, hip, Vector3d::Constant(24 * size_)).length();
     }
     return sum;
@@ -227,7 +214,7 @@ class BodyIntegrals {
 
   const Body& body_;
   double up_mm_;
-  double size_;
+  double size_;  // of the spine and the hips; 1 in a body of 220 mm
   Eigen::Matrix3d patient_;
   Vector3d organs_;
 };
@@ -256,7 +243,7 @@ class TubeMaker {
 
  private:
   Vector3d Place(double left, double posterior, double superior_mm) const {
-    return {left * body_.width_mm, posterior * body_.depth_mm, superior_mm};
+    return PlaceIn(body_, left, posterior, superior_mm);
   }
   // `share`: of the spine's excess.
   WirePoint At(const Vector3d& there, double radius_mm, double share) const {
