@@ -19,7 +19,10 @@ const KEYS = Object.keys(LIMITS) as Key[];
 /** State in words, for the figures; null without an injector. */
 export function injectorWords(values: Values): string | null {
   const phase = values["injector_phase"];
-  const mL = (name: string) => `${(values[name] ?? NaN).toFixed(1)} mL`;
+  const mL = (name: string) => {
+    const value = values[name] ?? NaN;
+    return `${value.toFixed(value < 99.95 ? 1 : 0)} mL`;
+  };
   switch (phase) {
     case OFF:
       return "off";
