@@ -82,10 +82,11 @@ export class BrowserSession {
 const LONGEST = {
   "#hold": "Last image hold", "#mask-lost": "View moved: mask lost", "#lao": "RAO 120°", "#cra": "CAU 45°",
   "#system-M span": "scene's display", "#system-R span": "scene's pulse rate", "#system-K span": "shutters 30 %",
-  "#loop-number": "loop 10 of 10, 123.45 s", "#table-place :first-child": "table R 120 H 150", "#table-place :last-child": "height −120 mm",
+  "#field :first-child": "field 48 cm", "#source-distance": "SID 120 cm", "#loop-number": "loop 10 of 10, 123.45 s",
+  "#table-place :first-child": "table R 120 H 150", "#table-place :last-child": "height −120 mm",
 };
 const LONGEST_DOSE = {
-  "Procedure": "123:45 min", "X-ray": "100:00 min", "Pulses": "99999", "Air kerma": "9999 mGy", "Kerma × area": "999 Gy cm²",
+  "Procedure": "123:45 min", "X-ray": "100:00 min", "Tube": "150 kV 1000 mA", "Air kerma": "9999 mGy", "Kerma × area": "999 Gy cm²",
   "Injector": "aborted 150 mL", "Contrast": "291 > 290 mL",
 };
 

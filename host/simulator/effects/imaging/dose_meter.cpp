@@ -1,6 +1,6 @@
 #include "host/simulator/effects/imaging/dose_meter.h"
 
-#include <cmath>
+#include <limits>
 
 #include "host/simulator/effects/imaging/wedge_filters.h"
 
@@ -8,29 +8,13 @@ namespace torquer::effects {
 
 namespace {
 
-// Distance of the interventional reference point (IEC 60601-2-43) from the isocenter.
-constexpr double kBeforeIsocenterMm = 150;
-
 double FieldMm(const CArm& arm) { return arm.detector_mm * arm.sod_mm / arm.sid_mm; }
-
-// Air kerma of one pulse at the reference point. The tube current adapts to the body's thickness
-// and the pixel size, so a pixel always gets the same dose.
-double PulseKermaMGy(const FluoroscopySettings& settings, const Controls& controls) {
-  const double magnification = controls.imaging.magnification;
-  double mA = settings.tube_mA * magnification * magnification;
-  if (settings.scan != nullptr || settings.body.width_mm > 0) {
-    mA *= std::exp(settings.MiddleIntegralOf(settings.ProjectionOf(controls)) -
-                   settings.ReferenceIntegral());
-  }
-  const double distance_m = 1e-3 * (settings.arm.sod_mm - kBeforeIsocenterMm);
-  return settings.tube_mGy_mAs * mA * 1e-3 * settings.pulse_ms / (distance_m * distance_m);
-}
 
 // Open area of the beam at the reference point, between the shutters.
 double OpenAreaCm2(const FluoroscopySettings& settings, const Controls& controls) {
   const Imaging& imaging = controls.imaging;
   const CArm arm = settings.ArmOf(controls);
-  const double width_cm = 0.1 * arm.detector_mm * (arm.sod_mm - kBeforeIsocenterMm) / arm.sid_mm;
+  const double width_cm = 0.1 * arm.detector_mm * (arm.sod_mm - kReferencePointMm) / arm.sid_mm;
   const double height_cm = width_cm * arm.height / arm.width;
   return width_cm * (1 - imaging.left - imaging.right) * height_cm *
          (1 - imaging.top - imaging.bottom);
@@ -47,9 +31,11 @@ void DoseMeter::Observe(const FluoroscopySettings& settings, double time_s,
   }
   if (!was_exposed_) next_pulse_s_ = time_s;
   was_exposed_ = true;
-  if (const View view = ViewOf(controls); view != pulse_view_) {
+  const View view = ViewOf(controls);
+  if (view != pulse_view_ || controls.imaging.mode != pulse_mode_) {
     pulse_view_ = view;
-    pulse_mGy_ = PulseKermaMGy(settings, controls);
+    pulse_mode_ = controls.imaging.mode;
+    pulse_ = ExposureOf(settings, controls);
   }
   if (const Imaging& imaging = controls.imaging; imaging != wedge_imaging_) {
     wedge_imaging_ = imaging;
@@ -60,16 +46,24 @@ void DoseMeter::Observe(const FluoroscopySettings& settings, double time_s,
   while (time_s >= next_pulse_s_ - kEarlyS) {
     next_pulse_s_ += 1 / settings.PulsesPerS(controls.imaging);
     ++pulses_;
-    air_kerma_mGy_ += pulse_mGy_;
-    kerma_area_Gy_cm2_ += 1e-3 * pulse_mGy_ * OpenAreaCm2(settings, controls) * wedge_transmission_;
+    air_kerma_mGy_ += pulse_.kerma_mGy;
+    kerma_area_Gy_cm2_ +=
+        1e-3 * pulse_.kerma_mGy * OpenAreaCm2(settings, controls) * wedge_transmission_;
   }
 }
 
 std::vector<Reading> DoseMeter::Readings(const FluoroscopySettings& settings) const {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  const double rate_mGy_s =
+      was_exposed_ ? pulse_.kerma_mGy * settings.PulsesPerS(last_.imaging) : 0;
   return {{"xray_pulses", static_cast<double>(pulses_)},
           {"air_kerma_mGy", air_kerma_mGy_},
           {"kerma_area_Gy_cm2", kerma_area_Gy_cm2_},
-          {"xray_field_mm", FieldMm(settings.ArmOf(last_))}};
+          {"xray_field_mm", FieldMm(settings.ArmOf(last_))},
+          {"air_kerma_rate_mGy_min", 60 * rate_mGy_s},
+          {"tube_kV", settings.tube_kV},
+          {"tube_mA", pulses_ > 0 ? pulse_.tube_mA : kUnknown},
+          {"source_detector_mm", settings.arm.sid_mm}};
 }
 
 }  // namespace torquer::effects

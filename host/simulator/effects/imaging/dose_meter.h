@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/imaging/exposure.h"
 #include "host/simulator/effects/imaging/fluoroscopy_settings.h"
 
 namespace torquer::effects {
@@ -15,7 +16,7 @@ class DoseMeter {
   /// Counts the pulses of a tick at `time_s` (the session's), independently of the pictures, which
   /// are taken only for viewers.
   void Observe(const FluoroscopySettings& settings, double time_s, const Controls& controls);
-  /// The dose since the start, and the width of the field at the isocenter.
+  /// The dose since the start, the newest pulse, the rate now, the field and the distances.
   std::vector<Reading> Readings(const FluoroscopySettings& settings) const;
 
  private:
@@ -25,8 +26,9 @@ class DoseMeter {
   double air_kerma_mGy_ = 0;      // at the interventional reference point
   double kerma_area_Gy_cm2_ = 0;  // there, between the shutters and behind the wedges
   Controls last_;                 // of the last tick
-  double pulse_mGy_ = 0;          // of a pulse in the view below
+  Exposure pulse_;                // in the view and mode below
   View pulse_view_;
+  Imaging::Mode pulse_mode_ = Imaging::Mode::kAsScene;
   double wedge_transmission_ = 1;  // mean of the open beam with the settings below
   Imaging wedge_imaging_;
 };

@@ -37,7 +37,10 @@ struct FluoroscopySpec : TableSpec {
   double pictures_per_s = 15;
   double photons = 600;
   double scatter_to_primary = 0;
+  double tube_kV = 80;
   double tube_mA = 10;
+  double tube_limit_mA = 1000;
+  double acquisition_dose = 10;
   double pulse_ms = 8;
   double tube_mGy_mAs = 0.06;
   double gain = 0.4;
@@ -69,15 +72,24 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
                   "width of the detector's field of view")
           .Number("pictures_per_s", &Spec::pictures_per_s, 1, 60, "1/s",
                   "frame rate: X-ray pulses per second while the pedal is down")
-          .Number(
-              "photons", &Spec::photons, 10, 1e7, "",
-              "number of unscattered photons that reach a pixel behind the body's mean attenuation")
+          .Number("photons", &Spec::photons, 10, 1e7, "",
+                  "number of unscattered photons that reach a pixel behind the body's mean "
+                  "attenuation, "
+                  "in fluoroscopy")
+          .Number("acquisition_dose", &Spec::acquisition_dose, 1, 1000, "",
+                  "dose of a subtracted picture relative to that of fluoroscopy, the other modes")
           .Number("scatter_to_primary", &Spec::scatter_to_primary, 0, 20, "",
                   "ratio of scattered to unscattered photons, equal in every pixel; 1 to 5 behind "
                   "a trunk, a fifth of that behind a grid")
+          .Number("tube_kV", &Spec::tube_kV, 40, 150, "kV",
+                  "peak voltage of the tube, as displayed; its output and all attenuation "
+                  "coefficients are those at this voltage")
           .Number("tube_mA", &Spec::tube_mA, 0.1, 2000, "mA",
-                  "tube current for 200 mm of tissue; automatic exposure adapts it to the body's "
-                  "thickness")
+                  "tube current of fluoroscopy for 200 mm of tissue; automatic exposure adapts it "
+                  "to the body's thickness and the field")
+          .Number("tube_limit_mA", &Spec::tube_limit_mA, 0.1, 5000, "mA",
+                  "largest tube current; where automatic exposure would need more, pictures have "
+                  "more noise")
           .Number("pulse_ms", &Spec::pulse_ms, 0.1, 100, "ms", "duration of an X-ray pulse")
           .Number("tube_mGy_mAs", &Spec::tube_mGy_mAs, 1e-4, 1, "mGy/(mA s)",
                   "air kerma of the tube at 1 m per mA s, at its voltage and with its filter")
@@ -196,7 +208,10 @@ std::unique_ptr<Effect> MakeFluoroscopy(const FluoroscopySpec& spec, const Effec
   s.pictures_per_s = spec.pictures_per_s;
   s.photons = spec.photons;
   s.scatter_to_primary = spec.scatter_to_primary;
+  s.tube_kV = spec.tube_kV;
   s.tube_mA = spec.tube_mA;
+  s.tube_limit_mA = spec.tube_limit_mA;
+  s.acquisition_dose = spec.acquisition_dose;
   s.pulse_ms = spec.pulse_ms;
   s.tube_mGy_mAs = spec.tube_mGy_mAs;
   s.gain = spec.gain;

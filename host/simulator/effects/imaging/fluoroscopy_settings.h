@@ -43,15 +43,19 @@ struct FluoroscopySettings {
   std::shared_ptr<const CtBody> scan;  ///< in place of `body`; null for none
   ScanSource scan_source;              ///< of `scan`
   double pictures_per_s = 15;
-  double photons = 600;  ///< unscattered photons per pixel behind the mean of the body
+  /// Unscattered photons per pixel behind the mean of the body, in fluoroscopy.
+  double photons = 600;
   double scatter_to_primary =
       0;              ///< ratio of scattered to unscattered photons, the same in every pixel
   double gain = 0.4;  ///< in units of the gray range, for a factor e in intensity
   double iodine_1_mm_mg_mL = 7.6e-4;  ///< attenuation per concentration
-  // Properties of the tube, for the dose.
-  double tube_mA = 10;         ///< through 200 mm of tissue
-  double pulse_ms = 8;         ///< duration of one picture's pulse
-  double tube_mGy_mAs = 0.06;  ///< air kerma at 1 m
+  // Properties of the tube.
+  double tube_kV = 80;  ///< peak voltage, to which attenuation and output belong
+  double tube_mA = 10;  ///< of a fluoroscopic pulse through 200 mm of tissue
+  double tube_limit_mA = 1000;
+  double acquisition_dose = 10;  ///< dose of a subtracted picture over that of the other modes
+  double pulse_ms = 8;           ///< duration of one picture's pulse
+  double tube_mGy_mAs = 0.06;    ///< air kerma at 1 m
   std::uint64_t seed = 1;
 
   /// Mode and pulse rate (1/s) under the operator's choice.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/simulator/effects/imaging/exposure.h"
 #include "host/simulator/effects/imaging/fluoroscopy_noise.h"
 #include "host/simulator/effects/imaging/wedge_filters.h"
 
@@ -201,6 +202,7 @@ void PictureRenderer::Subtract(const XrayFrame& frame) {
                   memory_.mask_noise.data(), memory_.mask_noise.size());
     memory_.has_mask = true;
     memory_.mask_imaging = frame.controls.imaging;
+    memory_.mask_photons = ExposureOf(settings_, frame.controls).photons;
     memory_.mask_pedal = frame.pedal;
   }
   if (mode != Mode::kRoadmap) return;
@@ -214,7 +216,9 @@ void PictureRenderer::Subtract(const XrayFrame& frame) {
 void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) const {
   const Mode mode = settings_.ModeOf(frame.controls.imaging);
   const auto gain = static_cast<float>(settings_.gain) * (mode == Mode::kPlain ? 1.0F : 1.5F);
-  const auto sigma = static_cast<float>(1 / std::sqrt(settings_.photons));
+  const double photons = ExposureOf(settings_, frame.controls).photons;
+  const auto sigma = static_cast<float>(1 / std::sqrt(photons));
+  const auto mask_noise = static_cast<float>(std::sqrt(photons / memory_.mask_photons));
   const float background = mode == Mode::kPlain         ? kBackground
                            : mode == Mode::kSubtraction ? kSubtractedBackground
                                                         : kRoadmapBackground;
@@ -243,7 +247,7 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
         value = scatter == 0 ? memory_.mask.value[i] - (now - thick) + (mask_thick - thick)
                              : WithScatter(mask_thick + memory_.mask.value[i], scatter) -
                                    WithScatter(now, scatter);
-        value += deviation * (noise_[i] - memory_.mask_noise[i]);
+        value += deviation * (noise_[i] - mask_noise * memory_.mask_noise[i]);
         if (mode == Mode::kRoadmap) value += kRoadmapDye * memory_.densest_dye.value[i];
         break;
       }

@@ -44,6 +44,7 @@ class PictureRenderer {
     int fine_parts = 0;           // of the plane of a scan
     bool has_mask = false;
     Imaging mask_imaging;
+    double mask_photons = 1;  // per pixel, as in Exposure
     std::int64_t mask_pedal = 0;
     std::int64_t seen_session = 0;  // of the last picture
     float exposure = 0;

@@ -50,7 +50,7 @@ function showSides(at: HTMLElement, laoRad: number, craRad: number): void {
 
 export class Fluoroscopy {
   private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
-  private readonly unreadable = () => this.setHold("A picture was damaged and is not shown");
+  private readonly unreadable = () => this.setHold(false, "A picture was damaged and is not shown");
   private readonly changed = () => this.measure.changed();
   private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable, this.changed);
   private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable, this.changed);
@@ -68,6 +68,7 @@ export class Fluoroscopy {
   private readonly dose = new Rows(element("#dose"));
   private newest: Picture | null = null; // from the simulator
   private fieldMm = 0;
+  private rateMGyMin = 0; // of the air kerma
   private level = 128; // gray that is shown as the middle
   private width = 256; // grays from black to white
   private zoom = 1;
@@ -149,8 +150,10 @@ export class Fluoroscopy {
     setText(lamp.lastElementChild!, on ? "X-RAY ON" : "X-RAY OFF");
   }
 
-  setHold(text: string): void {
-    setText(element("#hold"), text);
+  /** The line below the lamp. Under X-rays it has the rate of the air kerma, where the scene publishes it. */
+  setHold(xray: boolean, text: string): void {
+    const rate = this.rateMGyMin > 0 ? `${short(this.rateMGyMin)} mGy/min` : "";
+    setText(element("#hold"), xray ? rate : text);
   }
 
   setNotice(text: string): void {
@@ -165,11 +168,12 @@ export class Fluoroscopy {
     if (lateralMm > 0) this.lateralFields.add(readings.time_s, lateralMm);
     this.facts.add(readings.time_s, values);
     if (this.subtraction.look(this.shown)) this.picture.filterAgain();
+    this.setField(fieldMm, values["source_detector_mm"]);
     if (fieldMm !== this.fieldMm) {
       this.fieldMm = fieldMm;
-      setText(element("#field"), fieldMm > 0 ? `field ${(fieldMm / 10).toFixed(0)} cm` : "");
       this.drawScale();
     }
+    this.rateMGyMin = values["air_kerma_rate_mGy_min"] ?? 0;
     this.setTable(values);
     const lostS = values["mask_lost_s"] ?? -1;
     const lost = lostS >= 0 && readings.time_s - lostS < MASK_LOST_SHOWN_S;
@@ -180,7 +184,8 @@ export class Fluoroscopy {
     };
     row("Procedure", "procedure_s", seconds);
     row("X-ray", "fluoroscopy_s", seconds);
-    row("Pulses", "xray_pulses", (value) => value.toFixed(0));
+    const tubeMa = values["tube_mA"];
+    row("Tube", "tube_kV", (value) => `${value.toFixed(0)} kV ${typeof tubeMa === "number" ? short(tubeMa) : "–"} mA`);
     row("Air kerma", "air_kerma_mGy", (value) => `${short(value)} mGy`);
     row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${short(value)} Gy cm²`);
     const injector = injectorWords(values);
@@ -196,6 +201,12 @@ export class Fluoroscopy {
     if (contrast === null) return;
     setData(contrast, "on", String(injecting));
     setData(contrast, "over", String(over(values["contrast_injected_mL"] ?? 0)));
+  }
+
+  private setField(fieldMm: number, detectorMm: number | null | undefined): void {
+    const cm = (mm: number) => `${(mm / 10).toFixed(0)} cm`;
+    setText(element("#field :first-child"), fieldMm > 0 ? `field ${cm(fieldMm)}` : "");
+    setText(element("#source-distance"), fieldMm > 0 && typeof detectorMm === "number" ? `SID ${cm(detectorMm)}` : "");
   }
 
   private setTable(values: Readings["values"]): void {
@@ -219,7 +230,8 @@ export class Fluoroscopy {
     this.facts.clear();
     this.subtraction.clear();
     this.measure.clear();
-    this.fieldMm = 0;
+    this.setField(0, null);
+    this.fieldMm = this.rateMGyMin = 0;
     this.drawScale();
     this.sayLoop();
     this.picture.clear();

@@ -218,7 +218,7 @@ class Page {
     const on = this.fresh() && this.xrayNow();
     this.fluoroscopy.setLamp(on);
     const held = this.fluoroscopy.playing ? "Recorded loop" : "Last image hold";
-    this.fluoroscopy.setHold(!on && this.pictures > 0 ? held : "");
+    this.fluoroscopy.setHold(on, this.pictures > 0 ? held : "");
   }
 
   private xrayNow(): boolean {
