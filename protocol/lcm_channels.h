@@ -72,6 +72,7 @@ enum ImagingMode : std::int32_t {
   kImagingPlain = 1,        ///< as the detector sees it
   kImagingSubtraction = 2,  ///< minus the first picture since the pedal went down
   kImagingRoadmap = 3,      ///< subtraction, with the densest dye so far as a bright map
+  kImagingCine = 4,         ///< plain, with the dose of an acquisition
 };
 
 /// injector_command_t::order.

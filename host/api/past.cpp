@@ -84,7 +84,7 @@ void TakeControls(Reader& reader, Command& row) {
   row.cra_deg = reader.Take<double>();
   Imaging& imaging = row.imaging;
   const auto mode = reader.Take<double>();
-  if (!(mode >= 0 && mode <= static_cast<double>(Imaging::Mode::kRoadmap))) Reader::Refuse();
+  if (!(mode >= 0 && mode <= static_cast<double>(Imaging::Mode::kCine))) Reader::Refuse();
   imaging.mode = static_cast<Imaging::Mode>(static_cast<int>(mode));
   for (double* const value :
        {&imaging.pulses_per_s, &imaging.magnification, &imaging.left, &imaging.right, &imaging.top,

@@ -26,7 +26,7 @@ simulator::Command ToTick(const Command& row) {
 effects::Imaging ToEffects(const Imaging& imaging) {
   using Mode = effects::Imaging::Mode;
   static_assert(static_cast<int>(Mode::kPlain) == static_cast<int>(Imaging::Mode::kPlain));
-  static_assert(static_cast<int>(Mode::kRoadmap) == static_cast<int>(Imaging::Mode::kRoadmap));
+  static_assert(static_cast<int>(Mode::kCine) == static_cast<int>(Imaging::Mode::kCine));
   return {.mode = static_cast<Mode>(imaging.mode),
           .pulses_per_s = imaging.pulses_per_s,
           .magnification = imaging.magnification,

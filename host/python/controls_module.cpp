@@ -20,7 +20,7 @@ std::string DidYouMean(const std::string& given, const char* const (&known)[kCou
 }
 
 // Python's names of the modes, in the order of the enumerators.
-constexpr const char* kModes[] = {"as_scene", "plain", "subtraction", "roadmap"};
+constexpr const char* kModes[] = {"as_scene", "plain", "subtraction", "roadmap", "cine"};
 
 torquer::Imaging::Mode ModeOf(const std::string& name) {
   const auto* const found = std::find(std::begin(kModes), std::end(kModes), name);
@@ -28,7 +28,7 @@ torquer::Imaging::Mode ModeOf(const std::string& name) {
     return static_cast<torquer::Imaging::Mode>(found - std::begin(kModes));
   }
   throw torquer::Error("mode is '" + name + "'; " + DidYouMean(name, kModes) +
-                       "give as_scene, plain, subtraction or roadmap");
+                       "give as_scene, plain, subtraction, roadmap or cine");
 }
 
 py::tuple PlaceOf(const torquer::Wedge& wedge) {
@@ -101,8 +101,9 @@ void AddImaging(py::module_& module) {
            py::arg("top") = 0.0, py::arg("bottom") = 0.0,
            py::arg("wedge_left") = std::array<double, 2>{},
            py::arg("wedge_right") = std::array<double, 2>{},
-           "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60; 0: as in the "
-           "scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture that "
+           "mode: as_scene, plain, subtraction, roadmap or cine. pulses_per_s: 1 to 60; 0: as in "
+           "the scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture "
+           "that "
            "each shutter covers, 0 to 0.45. wedge_left, wedge_right: wedge filters, each as the "
            "fraction of the picture that its edge has crossed, 0 to 0.5, and its clockwise turn in "
            "degrees, -90 to 90.")

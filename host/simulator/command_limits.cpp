@@ -20,7 +20,7 @@ bool IsValid(const effects::Imaging& imaging) {
     return one.share >= 0 && one.share <= effects::Wedge::kMostShare &&
            std::abs(one.rotation_deg) <= effects::Wedge::kMostRotationDeg;
   };
-  return imaging.mode <= Imaging::Mode::kRoadmap &&
+  return imaging.mode <= Imaging::Mode::kCine &&
          (imaging.pulses_per_s == 0 || (imaging.pulses_per_s >= Imaging::kLeastPulses &&
                                         imaging.pulses_per_s <= Imaging::kMostPulses)) &&
          imaging.magnification >= 1 && imaging.magnification <= Imaging::kMostMagnification &&

@@ -130,7 +130,7 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
   effects::Imaging chosen;
   chosen.wedges = command_.controls.imaging.wedges;
   const bool known =
-      message.mode >= protocol::kImagingAsScene && message.mode <= protocol::kImagingRoadmap;
+      message.mode >= protocol::kImagingAsScene && message.mode <= protocol::kImagingCine;
   if (known) chosen.mode = static_cast<effects::Imaging::Mode>(message.mode);
   chosen.pulses_per_s = message.pulses_per_s;
   chosen.magnification = message.magnification;

@@ -432,7 +432,7 @@ TEST_CASE("Unusable values are refused without effect", "[api]") {
   refuse([&](Command& c) { c.injector.rise_s = nan; }, "rise_s nan; give 0 to 9.9");
   refuse([](Command& c) { c.injector.order = static_cast<torquer::Injector::Order>(3); },
          "order 3; give off, arm or inject");
-  refuse([](Command& c) { c.imaging.mode = static_cast<torquer::Imaging::Mode>(4); }, "mode 4");
+  refuse([](Command& c) { c.imaging.mode = static_cast<torquer::Imaging::Mode>(5); }, "mode 5");
   simulation.Step(simulation.command());
   CHECK_THROWS_WITH(simulation.Step(simulation.command()), Contains("give increasing times"));
 }

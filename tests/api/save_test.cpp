@@ -40,6 +40,8 @@ class Session {
       command.contrast = Uniform(0, 1) < 0.5;
       command.lao_deg = Uniform(0, 1) < 0.2 ? 10 : 0;
       command.table.height_mm = Uniform(0, 1) < 0.2 ? 20 : 0;
+      using Mode = torquer::Imaging::Mode;
+      command.imaging.mode = Uniform(0, 1) < 0.3 ? Mode::kCine : Mode::kAsScene;
       command.imaging.wedge_left = Drawn(0.4, -30);
       command.imaging.wedge_right = Drawn(0.3, 60);
       if (Uniform(0, 1) < 0.7) {

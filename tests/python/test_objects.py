@@ -55,6 +55,8 @@ def test_objects_show_their_contents(phantom):
     imaging = torquer.Imaging("plain", magnification=2, left=0.1, wedge_right=(0.25, -30))
     assert repr(eval(repr(imaging), {"Imaging": torquer.Imaging})) == repr(imaging)
     assert "left=0.1" in repr(imaging)
+    for mode in ("as_scene", "plain", "subtraction", "roadmap", "cine"):
+        assert torquer.Imaging(mode).mode == mode
 
 
 def test_every_public_class_shows_its_contents():

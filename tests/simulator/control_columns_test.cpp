@@ -36,7 +36,7 @@ TEST_CASE("A script sets all controls of a command", "[simulator]") {
              "imaging_mode,pulses_per_s,magnification,shutter_left,shutter_right,shutter_top,"
              "shutter_bottom,wedge_left,wedge_left_deg,wedge_right,wedge_right_deg,injector,"
              "injector_volume_mL,injector_rate_mL_s,injector_delay_s,injector_rise_s\n"
-             "0,1,2,1,0,3,4,5,roadmap,7.5,2,0.1,0.2,0.3,0.4,0.15,-10,0.25,20,inject,12,3,0.5,0.25\n"
+             "0,1,2,1,0,3,4,5,cine,7.5,2,0.1,0.2,0.3,0.4,0.15,-10,0.25,20,inject,12,3,0.5,0.25\n"
              "1,0,0,0,1,0,0,0,as_scene,0,1,0,0,0,0,0,0,0,0,off,-1,-1,-1,-1\n");
   REQUIRE(rows.size() == 2);
   const torquer::Command& all = rows[0].command;
@@ -48,7 +48,7 @@ TEST_CASE("A script sets all controls of a command", "[simulator]") {
   CHECK(all.table.head_mm == 4);
   CHECK(all.table.height_mm == 5);
   const torquer::Imaging& imaging = all.imaging;
-  CHECK(imaging.mode == torquer::Imaging::Mode::kRoadmap);
+  CHECK(imaging.mode == torquer::Imaging::Mode::kCine);
   CHECK(imaging.pulses_per_s == 7.5);
   CHECK(imaging.magnification == 2);
   CHECK(std::vector{imaging.left, imaging.right, imaging.top, imaging.bottom} ==
@@ -90,7 +90,7 @@ TEST_CASE("A value that a control cannot have is refused with its column and its
     CHECK_THROWS_WITH(RowsOf(file, "time_s," + column + "\n0," + cell + '\n'), Contains(remedy));
   };
   refused("xray", "0.5", "give 0 or 1");
-  refused("imaging_mode", "2", "give as_scene, plain, subtraction, roadmap");
+  refused("imaging_mode", "2", "give as_scene, plain, subtraction, roadmap, cine");
   refused("pulses_per_s", "0.5", "give 1 to 60, or 0 for the scene's value");
   refused("injector", "fire", "give off, arm, inject");
   refused("injector_volume_mL", "0", "give 0.1 to 150, or -1 for the scene's value");

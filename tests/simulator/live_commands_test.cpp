@@ -260,7 +260,7 @@ TEST_CASE("Settings of the X-ray system stay when their sender is silent", "[sim
   LiveCommands& commands = fixture.commands();
   torquer_lcm::imaging_command_t chosen{};
   chosen.sequence = 5;
-  chosen.mode = torquer::protocol::kImagingRoadmap;
+  chosen.mode = torquer::protocol::kImagingCine;
   chosen.pulses_per_s = 7.5;
   chosen.magnification = 2;
   const double shutters[] = {0.1, 0.2, 0.3, 0.4};
@@ -269,7 +269,7 @@ TEST_CASE("Settings of the X-ray system stay when their sender is silent", "[sim
 
   commands.Take(chosen, kHand, kStartUs);
   CHECK(commands.fresh());
-  CHECK(imaging().mode == torquer::effects::Imaging::Mode::kRoadmap);
+  CHECK(imaging().mode == torquer::effects::Imaging::Mode::kCine);
   CHECK(imaging().pulses_per_s == 7.5);
   CHECK(imaging().magnification == 2);
   CHECK(imaging().left == 0.1);
@@ -417,12 +417,12 @@ TEST_CASE("The X-ray system has one sender, and impossible settings are refused 
     commands.Take(bad, kHand, kStartUs + 600'000);
     return fixture.Count("refused_values") == before + 1 && magnification() == 2;
   };
-  CHECK(refused([](auto& bad) { bad.mode = 4; }));
+  CHECK(refused([](auto& bad) { bad.mode = 5; }));
   CHECK(refused([](auto& bad) { bad.mode = -1; }));
   CHECK(refused([](auto& bad) { bad.magnification = 0; }));
   CHECK(refused([](auto& bad) { bad.pulses_per_s = std::numeric_limits<double>::infinity(); }));
   CHECK(refused([](auto& bad) { bad.shutters[3] = 0.5; }));
-  CHECK_THAT(commands.TakeNews(), Catch::Contains("mode 4"));
+  CHECK_THAT(commands.TakeNews(), Catch::Contains("mode 5"));
 
   // After a sender falls silent only its choice stays; another may take over with any number.
   commands.Take(chosen, kStranger, kStartUs + 5'000'000);

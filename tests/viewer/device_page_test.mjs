@@ -81,7 +81,7 @@ test("a choice stays until torquer-viewer answers it, however late the report", 
   await page.keyboard.press("KeyM");
   await until("the other page's newer choice", async () => (await said("M")) === "road map");
   assert.deepEqual(await words(), ["plain", "subtraction", "road map"]);
-  await page.keyboard.press("KeyM");
+  for (let k = 0; k < 2; ++k) await page.keyboard.press("KeyM");
 
   await slow.evaluate(() => { window.lateMs = 0; window.deaf = true; });
   await slow.keyboard.press("KeyK");

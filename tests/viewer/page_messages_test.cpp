@@ -263,10 +263,10 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
     bytes.insert(bytes.end(), {left, 2, 3, bottom, 4, 3, 2, 1, 50, 7, 0xa6, 90});
     return bytes;
   };
-  const auto taken = ReadImaging(message(3, 7.5F, 1.5F, 10, 45));
+  const auto taken = ReadImaging(message(4, 7.5F, 1.5F, 10, 45));
   REQUIRE(taken);
   const torquer::effects::Imaging& imaging = taken->imaging;
-  CHECK(imaging.mode == torquer::effects::Imaging::Mode::kRoadmap);
+  CHECK(imaging.mode == torquer::effects::Imaging::Mode::kCine);
   CHECK(imaging.pulses_per_s == 7.5);
   CHECK(imaging.magnification == 1.5);
   CHECK(imaging.left == Approx(0.1));
@@ -279,7 +279,7 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   CHECK(imaging.wedges[0].rotation_deg == -90);
   CHECK(imaging.wedges[1].rotation_deg == 90);
   CHECK(ReadImaging(message(0, 0, 1, 0, 0)));
-  CHECK_FALSE(ReadImaging(message(4, 0, 1, 0, 0)));
+  CHECK_FALSE(ReadImaging(message(5, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0.5F, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0, std::nanf(""), 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0, 5, 0, 0)));

@@ -39,7 +39,7 @@ async function pulses(count) {
   });
 }
 async function mode(wanted) {
-  for (let k = 0; k < 4 && (await text("#system-M span")) !== wanted; ++k) {
+  for (let k = 0; k < 5 && (await text("#system-M span")) !== wanted; ++k) {
     await page.keyboard.press("KeyM");
     await page.waitForTimeout(100);
   }

@@ -190,15 +190,13 @@ struct Imaging {
     kPlain,        ///< image of the detector
     kSubtraction,  ///< minus the first picture since the pedal was pressed
     kRoadmap,      ///< kSubtraction, with the densest dye so far as a bright map
+    kCine          ///< kPlain, with the dose of an acquisition
   };
   Mode mode = Mode::kAsScene;
   double pulses_per_s = 0;   ///< 1 to 60; 0: value of the scene
   double magnification = 1;  ///< 1 to 4: the field is narrower by this factor
   /// Fraction of the picture that each shutter covers, 0 to 0.45.
-  double left = 0;
-  double right = 0;
-  double top = 0;
-  double bottom = 0;
+  double left = 0, right = 0, top = 0, bottom = 0;
   Wedge wedge_left = {};   ///< at 0 deg it comes in from the left
   Wedge wedge_right = {};  ///< at 0 deg it comes in from the right
 };

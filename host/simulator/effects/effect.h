@@ -99,7 +99,7 @@ struct Wedge {
 
 /// Operator's settings of the X-ray system, besides the angles of the C-arm.
 struct Imaging {
-  enum class Mode : std::uint8_t { kAsScene, kPlain, kSubtraction, kRoadmap };
+  enum class Mode : std::uint8_t { kAsScene, kPlain, kSubtraction, kRoadmap, kCine };
   static constexpr double kLeastPulses = 1, kMostPulses = 60;
   static constexpr double kMostMagnification = 4;
   static constexpr double kMostShutter = 0.45;

@@ -64,7 +64,7 @@ double PulseMGy(double tube_mA) { return 0.06 * tube_mA * 8e-3 / (0.6 * 0.6); }
 
 }  // namespace
 
-TEST_CASE("A subtracted picture has the dose and the noise of an acquisition", "[effects]") {
+TEST_CASE("Subtraction and cine have the dose and the noise of an acquisition", "[effects]") {
   SceneOf scene(Even("acquisition_dose = 4\n"));
   Simulation session(*scene);
   Tick(session, 0.001, In(Imaging::Mode::kPlain));
@@ -74,10 +74,14 @@ TEST_CASE("A subtracted picture has the dose and the noise of an acquisition", "
   CHECK(VarianceOf(session, kSubtractedGain) == Approx(2 / 20000.0).epsilon(0.04));
   CHECK(Reading(session, "air_kerma_mGy") == Approx(PulseMGy(10) + PulseMGy(40)));
   CHECK(Reading(session, "tube_mA") == Approx(40));
+  Tick(session, 0.15, In(Imaging::Mode::kCine));
+  CHECK(VarianceOf(session, kPlainGain) == Approx(1 / 20000.0).epsilon(0.04));
+  CHECK(Reading(session, "air_kerma_mGy") == Approx(PulseMGy(10) + 2 * PulseMGy(40)));
+  CHECK(Reading(session, "picture_mode") == 3);
   // A road map is fluoroscopy. The mask of the acquisition has less noise than its pictures.
-  Tick(session, 0.2, In(Imaging::Mode::kRoadmap));
+  Tick(session, 0.22, In(Imaging::Mode::kRoadmap));
   CHECK(VarianceOf(session, kSubtractedGain) == Approx(1 / 5000.0 + 1 / 20000.0).epsilon(0.04));
-  CHECK(Reading(session, "air_kerma_mGy") == Approx(2 * PulseMGy(10) + PulseMGy(40)));
+  CHECK(Reading(session, "air_kerma_mGy") == Approx(2 * PulseMGy(10) + 2 * PulseMGy(40)));
 }
 
 TEST_CASE("At the limit of the tube's current the dose stays and the noise grows", "[effects]") {

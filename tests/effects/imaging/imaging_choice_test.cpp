@@ -276,7 +276,7 @@ TEST_CASE("The simulation itself refuses settings that cannot be chosen", "[effe
     CHECK_FALSE(with(shutter, std::nan("")));
   }
   Imaging unknown;
-  unknown.mode = static_cast<Imaging::Mode>(4);
+  unknown.mode = static_cast<Imaging::Mode>(5);
   CHECK_FALSE(IsValid(unknown));
 
   // A command is refused as a whole: the C-arm does not move either.

@@ -7,7 +7,9 @@ namespace torquer::effects {
 
 Exposure ExposureOf(const FluoroscopySettings& settings, const Controls& controls) {
   const Imaging& imaging = controls.imaging;
-  const bool is_acquisition = settings.ModeOf(imaging) == FluoroscopySettings::Mode::kSubtraction;
+  using Mode = FluoroscopySettings::Mode;
+  const Mode mode = settings.ModeOf(imaging);
+  const bool is_acquisition = mode == Mode::kSubtraction || mode == Mode::kCine;
   const double dose = is_acquisition ? settings.acquisition_dose : 1;
   double wanted_mA = settings.tube_mA * dose * imaging.magnification * imaging.magnification;
   if (settings.scan != nullptr || settings.body.width_mm > 0) {

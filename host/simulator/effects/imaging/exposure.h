@@ -15,8 +15,9 @@ struct Exposure {
 constexpr double kReferencePointMm = 150;
 
 /// Exposure for the view, field and mode of `controls`. The control keeps the dose of a pixel. A
-/// subtracted picture has a multiple of it. The current grows with the attenuation along the middle
-/// ray, and with the square of the magnification. At the tube's limit fewer photons reach a pixel.
+/// picture of an acquisition, subtracted or cine, has a multiple of it. The current grows with the
+/// attenuation along the middle ray, and with the square of the magnification. At the tube's limit
+/// fewer photons reach a pixel.
 Exposure ExposureOf(const FluoroscopySettings& settings, const Controls& controls);
 
 }  // namespace torquer::effects

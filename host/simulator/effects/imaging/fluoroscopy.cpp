@@ -41,8 +41,7 @@ void Fluoroscopy::Observe(const TickView& tick) {
     mask_view_ = {};
     mask_lost_s_ = tick.time_s;
   }
-  const bool has_mask =
-      settings_.ModeOf(tick.controls.imaging) != FluoroscopySettings::Mode::kPlain;
+  const bool has_mask = FluoroscopySettings::HasMask(settings_.ModeOf(tick.controls.imaging));
   if (tick.controls.xray && has_mask) mask_view_ = view;
 }
 

@@ -56,9 +56,10 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
   using Spec = FluoroscopySpec;
   static const Keys<Spec> keys =
       Keys<Spec>()
-          .Choice("mode", &Spec::mode, {"plain", "subtraction", "roadmap"},
+          .Choice("mode", &Spec::mode, {"plain", "subtraction", "roadmap", "cine"},
                   "plain: the detected picture; subtraction: minus the first picture since the "
-                  "pedal went down; roadmap: the densest contrast so far as a bright map")
+                  "pedal went down; roadmap: the densest contrast so far as a bright map; "
+                  "cine: plain, with the dose of an acquisition")
           .Otherwise("center of the vessel")
           .Point("isocenter_mm", &Spec::isocenter_mm, "mm",
                  "isocenter, the point about which the C-arm turns")
@@ -76,8 +77,10 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
                   "number of unscattered photons that reach a pixel behind the body's mean "
                   "attenuation, "
                   "in fluoroscopy")
-          .Number("acquisition_dose", &Spec::acquisition_dose, 1, 1000, "",
-                  "dose of a subtracted picture relative to that of fluoroscopy, the other modes")
+          .Number(
+              "acquisition_dose", &Spec::acquisition_dose, 1, 1000, "",
+              "dose of a picture of subtraction or cine relative to that of fluoroscopy, the other "
+              "modes")
           .Number("scatter_to_primary", &Spec::scatter_to_primary, 0, 20, "",
                   "ratio of scattered to unscattered photons, equal in every pixel; 1 to 5 behind "
                   "a trunk, a fifth of that behind a grid")

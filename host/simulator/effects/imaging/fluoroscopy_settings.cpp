@@ -16,6 +16,8 @@ FluoroscopySettings::Mode FluoroscopySettings::ModeOf(const Imaging& imaging) co
       return Mode::kSubtraction;
     case Imaging::Mode::kRoadmap:
       return Mode::kRoadmap;
+    case Imaging::Mode::kCine:
+      return Mode::kCine;
   }
   return mode;
 }

@@ -35,8 +35,10 @@ struct FluoroscopySettings {
     kPlain,
     kSubtraction,  ///< difference from the first picture since the pedal went down or the C-arm
                    ///< moved; organs that moved since then do not cancel
-    kRoadmap       ///< subtraction that keeps the densest dye so far and shows the vessels bright
+    kRoadmap,      ///< subtraction that keeps the densest dye so far and shows the vessels bright
+    kCine          ///< kPlain, with the dose of an acquisition
   };
+  static bool HasMask(Mode mode) { return mode == Mode::kSubtraction || mode == Mode::kRoadmap; }
   Mode mode = Mode::kPlain;
   CArm arm;
   Body body;
@@ -53,7 +55,7 @@ struct FluoroscopySettings {
   double tube_kV = 80;  ///< peak voltage, to which attenuation and output belong
   double tube_mA = 10;  ///< of a fluoroscopic pulse through 200 mm of tissue
   double tube_limit_mA = 1000;
-  double acquisition_dose = 10;  ///< dose of a subtracted picture over that of the other modes
+  double acquisition_dose = 10;  ///< dose of kSubtraction and kCine over that of the other modes
   double pulse_ms = 8;           ///< duration of one picture's pulse
   double tube_mGy_mAs = 0.06;    ///< air kerma at 1 m
   std::uint64_t seed = 1;

@@ -135,7 +135,7 @@ void PictureRenderer::Render(const XrayFrame& frame, ImageSource::Picture& out) 
   out.time_s = frame.time_s;
   out.controls = frame.controls;
   out.gray.resize(noise_.size());
-  if (settings_.ModeOf(frame.controls.imaging) != Mode::kPlain) Subtract(frame);
+  if (FluoroscopySettings::HasMask(settings_.ModeOf(frame.controls.imaging))) Subtract(frame);
   FillWedges(frame.controls.imaging);
   Expose(frame, out);
   CoverWithShutters(frame.controls.imaging, out);
@@ -144,7 +144,7 @@ void PictureRenderer::Render(const XrayFrame& frame, ImageSource::Picture& out) 
 // Finds the shadows of the wedges. They change slowly across the picture, so a plain picture shows
 // the same fraction of them as of the body. A subtraction shows how far they moved since its mask.
 void PictureRenderer::FillWedges(const Imaging& imaging) {
-  const bool is_plain = settings_.ModeOf(imaging) == Mode::kPlain;
+  const bool is_plain = !FluoroscopySettings::HasMask(settings_.ModeOf(imaging));
   const WedgeView view{imaging, is_plain ? Imaging{} : memory_.mask_imaging};
   if (view == wedge_view_) return;
   wedge_view_ = view;
@@ -215,11 +215,12 @@ void PictureRenderer::Subtract(const XrayFrame& frame) {
 // standard deviation sqrt(N), so their logarithm has 1/sqrt(N).
 void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) const {
   const Mode mode = settings_.ModeOf(frame.controls.imaging);
-  const auto gain = static_cast<float>(settings_.gain) * (mode == Mode::kPlain ? 1.0F : 1.5F);
+  const bool has_mask = FluoroscopySettings::HasMask(mode);
+  const auto gain = static_cast<float>(settings_.gain) * (has_mask ? 1.5F : 1.0F);
   const double photons = ExposureOf(settings_, frame.controls).photons;
   const auto sigma = static_cast<float>(1 / std::sqrt(photons));
   const auto mask_noise = static_cast<float>(std::sqrt(photons / memory_.mask_photons));
-  const float background = mode == Mode::kPlain         ? kBackground
+  const float background = !has_mask                    ? kBackground
                            : mode == Mode::kSubtraction ? kSubtractedBackground
                                                         : kRoadmapBackground;
   const float* const body = memory_.body_plane.value.data();
@@ -237,6 +238,7 @@ void PictureRenderer::Expose(const XrayFrame& frame, ImageSource::Picture& out) 
     float value = 0;
     switch (mode) {
       case Mode::kPlain:
+      case Mode::kCine:
         value = Hidden(WithScatter(smooth.value[i] - memory_.exposure, scatter)) -
                 WithScatter(seen, scatter) + deviation * noise_[i];
         break;

@@ -55,6 +55,7 @@ export class FieldTimes {
 
 export const PLAIN = 0;
 export const SUBTRACTED = 1;
+const CINE = 3;
 
 /** Display of a picture, its view, and things in it that a mask should not have. */
 export interface Facts {
@@ -71,7 +72,8 @@ export class FactTimes {
     const mode = values["picture_mode"];
     if (typeof mode !== "number") return;
     const view = ["xray_field_mm", "table_left_mm", "table_head_mm", "table_height_mm"].map((name) => values[name]).join(" ");
-    const facts: Facts = { mode, view, instrument: values["picture_instrument"] === 1, contrast: values["picture_contrast"] === 1 };
+    // Cine is a plain picture with less noise.
+    const facts: Facts = { mode: mode === CINE ? PLAIN : mode, view, instrument: values["picture_instrument"] === 1, contrast: values["picture_contrast"] === 1 };
     this.times.add(timeS, JSON.stringify(facts));
   }
 

@@ -3,7 +3,7 @@
 import { element, setText } from "./dom.js";
 import type { Imaging, Viewer } from "./frames.js";
 
-const MODES = ["scene's display", "plain", "subtraction", "road map"];
+const MODES = ["scene's display", "plain", "subtraction", "road map", "cine"];
 const PULSES = [0, 7.5, 15, 30];
 const MAGNIFICATIONS = [1, 1.5, 2, 3];
 const SHUTTERS = [0, 0.1, 0.2, 0.3];
