@@ -10,8 +10,9 @@
 // libumockdev lists the sockets of all programs that watch for devices, connects to one after
 // another, and sends. It skips a program that has ended before connect() (ECONNREFUSED). It aborts
 // if the socket's file is missing too, or if the program ends between connect() and sendmsg(). A
-// program that ends when its cable is pulled causes both cases. So both calls are intercepted here,
-// and return an error that libumockdev handles.
+// program that ends when its cable is pulled causes both cases. It aborts too if a program has not
+// read the events before, and its socket has no room (EAGAIN). The kernel then drops the event. So
+// both calls are intercepted here, and return a result that libumockdev handles.
 
 namespace {
 
@@ -45,9 +46,10 @@ extern "C" [[gnu::visibility("default")]] ssize_t sendmsg(int socket, const msgh
                                                           int flags) {
   static const auto next = Next<ssize_t(int, const msghdr*, int)>("sendmsg");
   const ssize_t sent = next(socket, message, flags);
-  if (sent >= 0 || errno != ECONNREFUSED || !has_machine) return sent;
+  const int error = errno;
+  if (sent >= 0 || (error != ECONNREFUSED && error != EAGAIN) || !has_machine) return sent;
   const bool local = IsLocal(socket);
-  errno = ECONNREFUSED;
+  errno = error;
   if (!local) return sent;
   ssize_t bytes = 0;
   for (std::size_t i = 0; i < message->msg_iovlen; ++i) {

@@ -7,6 +7,8 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cstring>
+#include <fstream>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -212,6 +214,29 @@ TEST_CASE("programs begin and end to watch the bus while the cable is pulled and
   stop = true;
   programs.join();
   CHECK(watched > 100);
+}
+
+TEST_CASE("a program that watches the bus without reading holds up nobody") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  udev* context = udev_new();
+  udev_monitor* monitor = udev_monitor_new_from_netlink(context, "udev");
+  REQUIRE(monitor != nullptr);
+  REQUIRE(udev_monitor_enable_receiving(monitor) >= 0);
+  // More cycles than the socket holds events.
+  int room = 0;
+  std::ifstream("/proc/sys/net/unix/max_dgram_qlen") >> room;
+  REQUIRE(room > 0);
+  for (int i = 0; i < room + 2; ++i) {
+    bench.Unplug();
+    bench.Plug();
+  }
+  // The kernel drops events for which there is no room, and the first ones stay.
+  udev_device* device = udev_monitor_receive_device(monitor);
+  REQUIRE(device != nullptr);
+  CHECK(std::string(udev_device_get_action(device)) == "remove");
+  udev_device_unref(device);
+  udev_monitor_unref(monitor);
+  udev_unref(context);
 }
 
 }  // namespace
