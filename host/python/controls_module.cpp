@@ -103,8 +103,8 @@ void AddImaging(py::module_& module) {
            py::arg("wedge_right") = std::array<double, 2>{},
            "mode: as_scene, plain, subtraction, roadmap or cine. pulses_per_s: 1 to 60; 0: as in "
            "the scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture "
-           "that "
-           "each shutter covers, 0 to 0.45. wedge_left, wedge_right: wedge filters, each as the "
+           "that each shutter covers, 0 to 0.45. wedge_left, wedge_right: wedge filters, each as "
+           "the "
            "fraction of the picture that its edge has crossed, 0 to 0.5, and its clockwise turn in "
            "degrees, -90 to 90.")
       .def("__repr__",

@@ -82,6 +82,7 @@ export class BrowserSession {
 const LONGEST = {
   "#hold": "Last image hold", "#mask-lost": "View moved: mask lost", "#lao": "RAO 120°", "#cra": "CAU 45°",
   "#system-M span": "scene's display", "#system-R span": "scene's pulse rate", "#system-K span": "shutters 30 %",
+  "#system-U span": "wedge right", "#system-9 span": "50 %", "#system-T span": "-60°",
   "#field :first-child": "field 48 cm", "#source-distance": "SID 120 cm", "#loop-number": "loop 10 of 10, 123.45 s",
   "#table-place :first-child": "table R 120 H 150", "#table-place :last-child": "height −120 mm",
 };
@@ -102,7 +103,10 @@ export async function checkMargins(page, pictures, sizes, leastPart) {
     const found = await page.evaluate(({ selectors, longest, longestDose }) => {
       // The page writes its own texts again after this function.
       for (const [selector, text] of Object.entries(longest)) document.querySelector(selector).textContent = text;
-      for (const term of document.querySelectorAll("#dose dt")) term.nextElementSibling.textContent = longestDose[term.textContent];
+      for (const { textContent: term, nextElementSibling: value } of document.querySelectorAll("#dose dt")) {
+        if (longestDose[term] === undefined) throw new Error(`add the longest text of ${term}`);
+        value.textContent = longestDose[term];
+      }
       const at = (shown) => shown.getBoundingClientRect();
       const shown = selectors.map((selector) => at(document.querySelector(selector)));
       const room = at(document.querySelector("#xray"));

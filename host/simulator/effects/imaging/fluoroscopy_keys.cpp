@@ -75,8 +75,7 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
                   "frame rate: X-ray pulses per second while the pedal is down")
           .Number("photons", &Spec::photons, 10, 1e7, "",
                   "number of unscattered photons that reach a pixel behind the body's mean "
-                  "attenuation, "
-                  "in fluoroscopy")
+                  "attenuation, in fluoroscopy")
           .Number(
               "acquisition_dose", &Spec::acquisition_dose, 1, 1000, "",
               "dose of a picture of subtraction or cine relative to that of fluoroscopy, the other "
