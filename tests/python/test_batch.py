@@ -193,27 +193,27 @@ def test_a_surface_that_changes_while_it_is_read(study, tmp_path, monkeypatch):
 
 def test_killed_workers_lose_no_case(study, tmp_path):
     out = tmp_path / "out"
-    process = start(study(cases(400)), out, "--workers", 2)
-    for stored in (50, 200):
+    process = start(study(cases(160)), out, "--workers", 2)
+    for stored in (20, 80):
         wait_for(process, out, stored)
         found = worker_processes(process)
         assert found
         os.kill(found[0], signal.SIGKILL)
     output, error = process.communicate(timeout=120)
     assert process.returncode == 0, error
-    assert output.startswith("400 cases done, 0 were stored before, 0 failed")
-    check_whole(out, 400)
+    assert output.startswith("160 cases done, 0 were stored before, 0 failed")
+    check_whole(out, 160)
 
 
 def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
-    path = study(cases(300))
+    path = study(cases(120))
     out = tmp_path / "out"
     process = start(path, out)
-    wait_for(process, out, 40)
+    wait_for(process, out, 15)
     process.kill()
     process.communicate()
     stored = lines(out)
-    assert stored < 300
+    assert stored < 120
     # A cut-off line, a shape without its line, and partial files.
     with (out / "readings.jsonl").open("ab") as file:
         file.write(b'{"key": "cut')
@@ -224,8 +224,8 @@ def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
         (folder / ".torquer-batch.part").write_bytes(b"half")
     status, output, error = finish(path, out)
     assert status == 0, error
-    assert output.startswith(f"{300 - stored} cases done, {stored} were stored before, 0 failed")
-    check_whole(out, 300)
+    assert output.startswith(f"{120 - stored} cases done, {stored} were stored before, 0 failed")
+    check_whole(out, 120)
 
 
 @pytest.fixture
@@ -256,20 +256,20 @@ def cluster(tmp_path):
 
 def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
     scheduler, address = cluster
-    path = study(cases(200))
+    path = study(cases(100))
     out = tmp_path / "out"
     process = start(path, out, "--scheduler", address)
-    wait_for(process, out, 20)
+    wait_for(process, out, 10)
     scheduler.kill()
     output, error = process.communicate(timeout=120)
     assert process.returncode == 1
     assert "the scheduler is gone (" in error and "the finished cases are stored; run the command again" in error
     stored = lines(out)
-    assert 20 <= stored < 200
+    assert 10 <= stored < 100
     status, output, error = finish(path, out, "--workers", 1)
     assert status == 0, error
-    assert output.startswith(f"{200 - stored} cases done, {stored} were stored before, 0 failed")
-    check_whole(out, 200)
+    assert output.startswith(f"{100 - stored} cases done, {stored} were stored before, 0 failed")
+    check_whole(out, 100)
 
 
 def test_a_failing_case_is_listed_and_the_rest_continues(study, tmp_path):

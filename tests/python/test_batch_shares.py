@@ -121,19 +121,19 @@ def test_a_share_that_lost_a_shape_is_refused_by_name(study, tmp_path):
 
 
 def test_a_gathering_that_is_killed_is_taken_up_again(study, tmp_path):
-    path = study(cases(300))
+    path = study(cases(100))
     out = tmp_path / "out"
     torquer.batch.run(str(path), str(out), share="1/1")
     process = start(path, out, "--gather")
-    wait_for(process, out, 40)
+    wait_for(process, out, 15)
     process.kill()
     process.communicate()
     stored = lines(out)
-    assert stored < 300
+    assert stored < 100
     status, output, error = finish(path, out, "--gather")
     assert status == 0, error
-    assert output.startswith(f"{300 - stored} cases gathered, {stored} were stored before, 0 missing")
-    check_whole(out, 300)
+    assert output.startswith(f"{100 - stored} cases gathered, {stored} were stored before, 0 missing")
+    check_whole(out, 100)
 
 
 def test_a_share_is_read_from_text_or_from_slurm():
