@@ -6,13 +6,15 @@
 #include <functional>
 #include <string>
 
+#include "tests/support/sanitizer.h"
+
 using torquer::Command;
 using torquer::Past;
 
 TEST_CASE("A long past is copied and released without deep recursion", "[api]") {
   Past past;
   Command row{.hands = {{.insertion_mm = 1, .rotation_rad = 2}}};
-  constexpr int kSteps = 3'000'000;
+  constexpr int kSteps = torquer::test::Rounds(3'000'000, 6);
   for (int k = 0; k < kSteps; ++k) {
     row.time_s = k;
     past.BeginStep(row);

@@ -9,6 +9,7 @@
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -107,6 +108,8 @@ void CheckGoesOn(const Scene& scene, int steps) {
 TEST_CASE("A loaded simulation continues like the saved one, to the bit", "[api]") {
   const int steps = torquer::test::kUnderSanitizer ? 3 : 10;
   for (const char* const name : {"everything", "coronary", "triaxial"}) {
+    // The road map below is of the coronaries too.
+    if (torquer::test::kUnderSanitizer && std::string_view(name) == "coronary") continue;
     INFO(name);
     CheckGoesOn(Shipped(name), steps);
   }
