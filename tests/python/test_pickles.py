@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torquer
 import torquer.envs
+import torquer.steve
 
 TASK = torquer.envs.Task("side", 40.0, max_steps=12, other_targets=(("main", 100.0, 140.0),))
 
@@ -159,6 +160,34 @@ def test_a_vector_continues_and_is_not_pickled_at_work():
     with pytest.raises(torquer.Error, match="call recv"):
         pickle.dumps(many)
     many.recv()
+
+
+def course(env):
+    """Observations of two resets with random targets, and of steps."""
+    seen = []
+    for _ in range(2):
+        seen.append(env.reset()[0])
+        for _ in range(3):
+            seen.append(env.step(np.full(env.action_space.shape, 0.5, np.float32))[0])
+    return [part for one in seen for part in (one.values() if isinstance(one, dict) else [one])]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: torquer.envs.NavigationEnv("ty_phantom", TASK),
+        lambda: torquer.envs.VectorEnv("ty_phantom", 2, task=TASK),
+        lambda: torquer.steve.SteveEnv("BasicWireNav"),
+    ],
+    ids=["one", "vector", "steve"],
+)
+def test_a_copied_environment_shares_nothing_with_its_original(make):
+    env = make()
+    env.reset(seed=4)
+    twin, other = copy.copy(env), copy.deepcopy(env)
+    expected = course(twin)
+    for one in (env, other):
+        assert all(map(np.array_equal, course(one), expected))
 
 
 def test_copies_of_a_scene_share_it():

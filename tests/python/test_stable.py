@@ -1,6 +1,7 @@
 """The adapter to stable-baselines3, against a stand-in of the interface that stable-baselines3 publishes."""
 
 import abc
+import copy
 import pickle
 import subprocess
 import sys
@@ -63,6 +64,7 @@ def test_an_episode_ends_as_stable_baselines_has_it(stable):
         assert rewards.dtype == np.float32 and rewards[0] == np.float32(reward) and dones[0] == truncated == (k == 2)
     assert np.array_equal(infos[0]["terminal_observation"], expected) and infos[0]["TimeLimit.truncated"] is True
     assert {name: infos[0][name] for name in info} == info
+    assert copy.copy(env).vector is not env.vector
     # The observation is already that of the next episode.
     expected, info = single.reset()
     assert np.array_equal(observations[0], expected) and env.reset_infos[0] == info

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Optional, Tuple
+from copy import deepcopy
+from typing import Any, Dict, Optional, Tuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from . import Error
+
+_Self = TypeVar("_Self", bound="CopiedWhole")
 
 try:
     import gymnasium as gymnasium  # type: ignore[import]
@@ -87,3 +90,10 @@ def refuse_closed(is_closed: bool, call: str) -> None:
     """Refuses a call of a closed environment."""
     if is_closed:
         raise ClosedEnvironmentError(f"{call}() of an environment after close(); make another environment")
+
+
+class CopiedWhole:
+    """Objects that copy.copy() copies as copy.deepcopy() does, so that no copy shares a state with its original."""
+
+    def __copy__(self: _Self) -> _Self:
+        return deepcopy(self)

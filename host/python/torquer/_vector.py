@@ -34,13 +34,13 @@ from ._navigation import (
     start_rotation,
     whole,
 )
-from ._spaces import Box, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium, refuse_closed
+from ._spaces import Box, CopiedWhole, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium, refuse_closed
 from ._torquer import FACTS, NavigationPool
 
 Array = npt.NDArray[Any]
 
 
-class VectorEnv(_BaseVectorEnv):  # type: ignore[misc]
+class VectorEnv(CopiedWhole, _BaseVectorEnv):  # type: ignore[misc]
     """Many environments of one task that step in threads, with the interface of gymnasium.vector.
 
     Each equals a NavigationEnv with the same seed and actions bit for bit, for any number of threads. The step after

@@ -43,7 +43,14 @@ from ._navigation import (
     task_of,
 )
 from ._render import Window, WireView
-from ._spaces import Box, ClosedEnvironmentError as ClosedEnvironmentError, Env, gymnasium as gymnasium, refuse_closed
+from ._spaces import (
+    Box,
+    ClosedEnvironmentError as ClosedEnvironmentError,
+    CopiedWhole,
+    Env,
+    gymnasium as gymnasium,
+    refuse_closed,
+)
 from ._vector import VectorEnv as VectorEnv
 
 Array = npt.NDArray[Any]
@@ -53,7 +60,7 @@ _DRAWN = {"torquer/Arches-v0": "torquer.arches", "torquer/Trees-v0": "torquer.tr
 _STEVE = ("BasicWireNav", "ArchVariety", "DualDeviceNav")
 
 
-class NavigationEnv(Env):  # type: ignore[misc]
+class NavigationEnv(CopiedWhole, Env):  # type: ignore[misc]
     """Moves the tip of an instrument to a place on a centerline.
 
     Actions: feed and turn of each instrument, -1 .. 1 as fractions of the limits in Task; shape

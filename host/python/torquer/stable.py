@@ -19,7 +19,7 @@ import numpy.typing as npt
 from . import Error, Scene
 from ._anatomies import SceneDraw
 from ._navigation import End, Observation, Reward, Task
-from ._spaces import refuse_closed
+from ._spaces import CopiedWhole, refuse_closed
 from ._vector import VectorEnv
 
 try:
@@ -32,7 +32,7 @@ except ImportError:
 Indices = Union[None, int, Sequence[int]]
 
 
-class StableVecEnv(VecEnv):  # type: ignore[misc]
+class StableVecEnv(CopiedWhole, VecEnv):  # type: ignore[misc]
     """Environments in threads for stable-baselines3.
 
     As its VecEnv does, an environment returns to the start in the step that ends its episode. Its info

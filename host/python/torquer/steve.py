@@ -28,7 +28,7 @@ from ._devices import shipped
 from ._names import did_you_mean
 from ._navigation import End, Moment, Reward, Task, action_values
 from ._polyline import arcs_of, at_arcs
-from ._spaces import Box, DictSpace, Env, gymnasium
+from ._spaces import Box, CopiedWhole, DictSpace, Env, gymnasium
 from ._anatomies import SceneDraw
 from .envs import NavigationEnv
 
@@ -260,7 +260,7 @@ class _Ends:
         return bool(self._near[np.linalg.norm(self._points - place_mm, axis=1).argmin()])
 
 
-class SteveEnv(Env):  # type: ignore[misc]
+class SteveEnv(CopiedWhole, Env):  # type: ignore[misc]
     """A task of stEVE_bench, with the interface of Gymnasium.
 
     Actions: speeds of each instrument, mm/s and rad/s, shape (instruments, 2).
