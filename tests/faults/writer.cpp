@@ -126,7 +126,8 @@ bool IsWholeZip(const std::string& text) {
 
 bool IsTemporary(const std::string& name) {
   const std::string file = fs::path(name).filename();
-  return file.starts_with(".torquer-") ||
+  const std::string of_folder = *fs::path(name).begin();
+  return file.starts_with(".torquer-") || of_folder.starts_with(".torquer-") ||
          (file.size() > 6 && file.find(".field.") != std::string::npos);
 }
 
@@ -203,8 +204,10 @@ const std::vector<Writer>& Writers() {
        .whole = IsWholeZip},
       {.name = "torquer convert",
        .words = {"/usr/bin/env", "PYTHONPATH=" + ProgramPath("../lib/python"), "/usr/bin/python3",
-                 "-B", "-m", "torquer", "convert", In("states.jsonl"), "@/wire.vtp"},
-       .former = {"wire.vtp"}},
+                 "-B", "-m", "torquer", "convert", In("states.jsonl"), "@/wire.pvd"},
+       .former = {"wire.pvd"},
+       .outputs = 2,
+       .refuses_existing = true},
       // The next run judges its claims: it must be able to use the existing file.
       {.name = "torquer-daemon with its last position",
        .words = {"/usr/bin/env", "XDG_RUNTIME_DIR=@", ProgramPath("torquer-daemon"), "--source",

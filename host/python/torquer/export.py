@@ -19,7 +19,7 @@ import secrets
 import shutil
 import struct
 import tempfile
-from typing import Any, Dict, Iterator, List, Mapping, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Sequence, Tuple, Union
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -288,13 +288,20 @@ def _write_text(path: pathlib.Path, text: str) -> None:
         with temporary.open("x") as file:
             file.write(text)
         temporary.replace(target)
-    except OSError as error:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         raise Error(f"{path}: cannot be written ({error.strerror}); check the folder and its space") from None
 
 
-def write_folder(folder: Path, files: Mapping[str, Union[str, bytes]]) -> None:
-    """Makes a folder with these files, by their names. After an error there is no folder."""
+def write_folder(
+    folder: Path, files: Mapping[str, Union[str, bytes]], before: Callable[[], None] = lambda: None
+) -> None:
+    """Makes a folder with these files, by their names. After an error there is no folder.
+
+    `before` is called when all files are written, and the folder has yet to get its name.
+    """
     folder = pathlib.Path(folder)
     if os.path.lexists(folder):
         raise Error(f"{folder}: exists already; remove it, or give another name")
@@ -304,10 +311,13 @@ def write_folder(folder: Path, files: Mapping[str, Union[str, bytes]]) -> None:
         for name, contents in files.items():
             (temporary / name).write_bytes(contents if isinstance(contents, bytes) else contents.encode())
         temporary.chmod(0o755)
+        before()
         temporary.rename(folder)
-    except OSError as error:
+    except BaseException as error:
         if temporary:
             shutil.rmtree(temporary, ignore_errors=True)
+        if not isinstance(error, OSError):
+            raise
         raise Error(f"{folder}: cannot be written ({error.strerror}); check the folder and its space") from None
 
 
@@ -318,11 +328,14 @@ def _write_series(states: Sequence[State], path: pathlib.Path) -> None:
         f'<DataSet timestep="{state.time_s!r}" part="0" file={quoteattr(f"{folder.name}/{name}")}/>\n'
         for state, name in zip(states, files)
     )
-    write_folder(folder, files)
+    text = f"{_VTK_FILE.format('Collection')}<Collection>\n{sets}</Collection>\n</VTKFile>\n"
+    is_new = not os.path.lexists(path)
     try:
-        _write_text(path, f"{_VTK_FILE.format('Collection')}<Collection>\n{sets}</Collection>\n</VTKFile>\n")
-    except Error:
-        shutil.rmtree(folder)
+        # The folder comes last: an existing one is refused, so that a killed run could not be repeated.
+        write_folder(folder, files, lambda: _write_text(path, text))
+    except BaseException:
+        if is_new:
+            path.unlink(missing_ok=True)
         raise
 
 
