@@ -11,6 +11,7 @@
 #include "host/support/error.h"
 #include "host/support/input_file.h"
 #include "host/support/number.h"
+#include "host/support/printable_text.h"
 
 namespace torquer {
 namespace {
@@ -20,6 +21,10 @@ constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 
 // Larger than any useful table; each name is compared with all others.
 constexpr std::size_t kMostColumns = 1000;
+
+// Longest texts of a table in a message.
+constexpr std::size_t kMostBytesOfCell = 60;
+constexpr std::size_t kMostBytesOfHeader = 300;
 
 // Removes the spaces around a cell, and the quotes that R's write.csv adds to names.
 std::string Trimmed(const std::string& cell) {
@@ -87,7 +92,9 @@ std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
     if (NamesSeparator(line)) return std::nullopt;
     if (cells.size() == 1) CheckSeparator(table.path, number, cells.front());
     if (!header.empty() && cells != Split(header)) {
-      Refuse(table.path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
+      Refuse(table.path, number,
+             fmt::format("the header is '{}'; it must be '{}'", Printable(line, kMostBytesOfHeader),
+                         header));
     }
     if (cells.size() > kMostColumns) {
       Refuse(table.path, number,
@@ -105,7 +112,8 @@ std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
   if (cells.size() != table.columns.size()) {
     Refuse(table.path, number,
            fmt::format("the row has {} values, but the header '{}' names {}", cells.size(),
-                       fmt::join(table.columns, ","), table.columns.size()));
+                       Printable(fmt::to_string(fmt::join(table.columns, ",")), kMostBytesOfHeader),
+                       table.columns.size()));
   }
   return CsvRow{number, std::move(cells)};
 }
@@ -123,8 +131,9 @@ void CheckHeader(const CsvTable& table, const std::string& header) {
                          k + 1));
     }
     if (table.Find(table.columns[k]) == k) continue;
-    Refuse(table.path, table.header_line,
-           fmt::format("the column {} appears twice", table.columns[k]));
+    Refuse(
+        table.path, table.header_line,
+        fmt::format("the column {} appears twice", Printable(table.columns[k], kMostBytesOfCell)));
   }
 }
 
@@ -192,7 +201,8 @@ double CsvTable::Number(const CsvRow& row, std::size_t column) const {
 
 void CsvTable::Refuse(const CsvRow& row, std::size_t column, const std::string& problem) const {
   torquer::Refuse(path, row.line,
-                  fmt::format("{} is '{}'{}", columns[column], row.cells[column], problem));
+                  fmt::format("{} is '{}'{}", Printable(columns[column], kMostBytesOfCell),
+                              Printable(row.cells[column], kMostBytesOfCell), problem));
 }
 
 double CsvNumber(const std::string& path, const std::string& header, const CsvRow& row,
@@ -201,7 +211,8 @@ double CsvNumber(const std::string& path, const std::string& header, const CsvRo
   const std::optional<double> value = ParseNumber(cell);
   if (!value) {
     Refuse(path, row.line,
-           fmt::format("{} is '{}'; give a finite number", Split(header)[column], cell));
+           fmt::format("{} is '{}'; give a finite number", Split(header)[column],
+                       Printable(cell, kMostBytesOfCell)));
   }
   return *value;
 }

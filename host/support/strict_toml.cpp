@@ -13,6 +13,7 @@
 #include "host/support/error.h"
 #include "host/support/input_file.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 #include "host/support/toml_values.h"
 
 namespace torquer {
@@ -138,8 +139,10 @@ void TableOrigin::Refuse(const std::string& key, const std::string& problem) con
   const auto place = keys_.find(key);
   const bool given = place != keys_.end();
   const std::string& where = given ? place->second.where : where_;
-  throw UserError((where.empty() ? "" : where + ": ") + (name_.empty() ? "" : name_ + ".") + key +
-                  (given ? " = " + place->second.value : "") + ": " + problem);
+  constexpr std::size_t kMostBytesOfKey = 200;
+  throw UserError((where.empty() ? "" : where + ": ") + (name_.empty() ? "" : name_ + ".") +
+                  Printable(key, kMostBytesOfKey) + (given ? " = " + place->second.value : "") +
+                  ": " + problem);
 }
 
 StrictTable::StrictTable(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "host/support/error.h"
 #include "tests/support/temporary_folder.h"
 
 using Catch::Contains;
@@ -74,6 +75,23 @@ TEST_CASE("A CSV table reports an error with its place", "[support]") {
                     Contains("t.csv:3: the row has 1 values"));
   const Csv empty("");
   CHECK_THROWS_WITH(torquer::ReadCsv(empty.path, "a,b"), Contains("empty"));
+}
+
+TEST_CASE("Long cells and headers of a CSV table are shortened in messages", "[support]") {
+  const std::string text(200'000, 'x');
+  for (const std::string& table :
+       {"a\n" + text + "\n", text + "," + text + "\n1,2\n", text + "\n1,2\n", text + "\ny\n"}) {
+    try {
+      const torquer::CsvTable read = torquer::ParseCsvTable(table, "here");
+      read.Number(read.rows.at(0), 0);
+      FAIL("the table is not refused");
+    } catch (const torquer::UserError& error) {
+      const std::string message = error.what();
+      INFO(message);
+      CHECK_THAT(message, Contains("here:") && Contains("xxxxx.."));
+      CHECK(message.size() < 500);
+    }
+  }
 }
 
 TEST_CASE("A CSV table of more columns than are read is refused", "[support]") {

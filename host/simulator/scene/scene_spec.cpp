@@ -17,6 +17,7 @@
 #include "host/support/input_file.h"
 #include "host/support/installed.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 
 namespace torquer::scene {
 
@@ -330,9 +331,9 @@ std::string ScenePath(const std::string& given) {
   }
   std::sort(names.begin(), names.end());
   const std::string near = NearestName(given, names);
-  throw UserError(
-      fmt::format("{}: there is no such file, and no scene of that name; {}Torquer has: {}", given,
-                  near.empty() ? "" : "did you mean " + near + "? ", fmt::join(names, ", ")));
+  throw UserError(fmt::format(
+      "{}: there is no such file, and no scene of that name; {}Torquer has: {}", Printable(given),
+      near.empty() ? "" : "did you mean " + near + "? ", fmt::join(names, ", ")));
 }
 
 SceneSpec ReadScene(const std::string& given) {
