@@ -18,7 +18,7 @@ Value ReadAt(std::span<const std::uint8_t> bytes, std::size_t offset) {
 }  // namespace
 
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
-  constexpr std::uint8_t kKnownFlags = 3;
+  constexpr std::uint8_t kKnownFlags = 7;
   if (bytes.size() != kControlsBytes) return {};
   if (bytes[0] != static_cast<std::uint8_t>(FrameKind::kControls) || bytes[1] != kFrameVersion ||
       (bytes[2] & ~kKnownFlags) != 0) {
@@ -27,6 +27,7 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
   Controls controls;
   controls.xray = (bytes[2] & 1) != 0;
   controls.contrast = (bytes[2] & 2) != 0;
+  controls.acquisition = (bytes[2] & 4) != 0;
   controls.instrument = bytes[3];
   controls.push_mm_s = ReadAt<float>(bytes, 4);
   controls.turn_rad_s = ReadAt<float>(bytes, 8);
@@ -74,6 +75,12 @@ std::optional<ImagingChoice> ReadImaging(std::span<const std::uint8_t> bytes) {
                          static_cast<double>(static_cast<std::int8_t>(bytes[22 + k]))};
   }
   if (!simulator::IsValid(imaging)) return {};
+  using effects::Imaging;
+  choice.acquisition = {static_cast<Imaging::Mode>(bytes[3]), ReadAt<float>(bytes, 24)};
+  const auto& [mode, pulses_per_s] = choice.acquisition;
+  if (mode != Imaging::Mode::kCine && mode != Imaging::Mode::kSubtraction) return {};
+  // NaN fails.
+  if (!(pulses_per_s >= Imaging::kLeastPulses && pulses_per_s <= Imaging::kMostPulses)) return {};
   return choice;
 }
 

@@ -78,6 +78,7 @@ inline constexpr std::size_t kMostVitalSamples = 500;
 /// stops if a page stops sending.
 struct Controls {
   bool xray = false;
+  bool acquisition = false;  ///< pedal of the acquisition: X-ray with its display and pulses
   bool contrast = false;
   int instrument = 0;     ///< that is moved, 0 the innermost
   double push_mm_s = 0;   ///< positive distally
@@ -103,7 +104,7 @@ struct TableMotion {
 
 /// Sizes of the messages from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
-inline constexpr std::size_t kImagingBytes = 24;
+inline constexpr std::size_t kImagingBytes = 28;
 inline constexpr std::size_t kInjectorBytes = 40;
 inline constexpr std::size_t kExchangeBytes = 64;
 
@@ -114,10 +115,17 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
 /// Reads a motion of the table, as ReadControls.
 std::optional<TableMotion> ReadTableMotion(std::span<const std::uint8_t> bytes);
 
+/// Display and pulses while the pedal of the acquisition is down.
+struct Acquisition {
+  effects::Imaging::Mode mode = effects::Imaging::Mode::kCine;  ///< kCine or kSubtraction
+  double pulses_per_s = 15;  ///< effects::Imaging::kLeastPulses to kMostPulses
+};
+
 /// X-ray settings that the page has chosen, and the page's number of this choice.
 struct ImagingChoice {
   effects::Imaging imaging;
   std::uint32_t number = 0;
+  Acquisition acquisition = {};
 };
 
 /// Reads a choice. Nullopt if the bytes do not have that layout or a value is beyond its limits.

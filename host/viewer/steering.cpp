@@ -64,6 +64,7 @@ void Steering::Restart() {
   table_ = {};
   table_moved_ = false;
   imaging_ = {};
+  acquisition_ = {};
   chosen_ = wedges_moved_ = false;
   injector_ = {};
   injector_page_.reset();
@@ -77,6 +78,7 @@ bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) 
   Advance(now_us);
   page_ = page;
   controls_ = controls;
+  chosen_ = chosen_ || controls.acquisition;
   heard_us_ = now_us;
   return true;
 }
@@ -92,6 +94,7 @@ bool Steering::Take(PageId page, const ImagingChoice& choice) {
   answered_[page] = choice.number;
   if (page_ && *page_ != page) return false;
   imaging_ = choice.imaging;
+  acquisition_ = choice.acquisition;
   wedges_moved_ = wedges_moved_ || imaging_.wedges != effects::Imaging().wedges;
   chosen_ = true;
   return true;
@@ -126,8 +129,8 @@ const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_
   if (!chosen_) return nullptr;
   torquer_lcm::imaging_command_t& command = imaging_command_;
   Stamp(command, clock_id_, now_us);
-  command.mode = static_cast<std::int32_t>(imaging_.mode);
-  command.pulses_per_s = imaging_.pulses_per_s;
+  command.mode = static_cast<std::int32_t>(acquires() ? acquisition_.mode : imaging_.mode);
+  command.pulses_per_s = acquires() ? acquisition_.pulses_per_s : imaging_.pulses_per_s;
   command.magnification = imaging_.magnification;
   const double shutters[] = {imaging_.left, imaging_.right, imaging_.top, imaging_.bottom};
   std::copy(std::begin(shutters), std::end(shutters), std::begin(command.shutters));
@@ -230,7 +233,7 @@ const std::vector<torquer_lcm::instrument_command_t>& Steering::Commands(std::in
     command.origin_us = now_us;
     command.lao_rad = lao_rad_;
     command.cra_rad = cra_rad_;
-    command.xray = static_cast<std::int8_t>(controls_.xray);
+    command.xray = static_cast<std::int8_t>(xray());
     command.contrast = static_cast<std::int8_t>(controls_.contrast);
     command.flags = page_ ? 0 : protocol::kCommandNoDevice;
   }

@@ -65,7 +65,8 @@ class Steering {
   /// One command for each instrument; empty before a scene and a state are known.
   const std::vector<torquer_lcm::instrument_command_t>& Commands(std::int64_t now_us);
 
-  /// Null before the first choice.
+  /// Settings now: those of the acquisition while its pedal is down. Null before the first choice,
+  /// and before the first acquisition.
   const torquer_lcm::imaging_command_t* ImagingCommand(std::int64_t now_us);
 
   /// Null before a wedge has moved.
@@ -83,9 +84,13 @@ class Steering {
   std::optional<PageId> page() const { return page_; }
   double lao_rad() const { return lao_rad_; }
   double cra_rad() const { return cra_rad_; }
-  bool xray() const { return controls_.xray; }
+  bool xray() const { return controls_.xray || controls_.acquisition; }
+  /// True while the pedal of the acquisition is down.
+  bool acquires() const { return controls_.acquisition; }
   bool contrast() const { return controls_.contrast; }
+  /// Settings of the X-ray pedal, as they were chosen.
   const effects::Imaging& imaging() const { return imaging_; }
+  const Acquisition& acquisition() const { return acquisition_; }
   /// Number of the newest choice of each page, taken or refused. The page then knows that
   /// `imaging()` is not older than its choice.
   std::vector<std::uint32_t> AnsweredChoices() const;
@@ -113,7 +118,8 @@ class Steering {
   bool table_moved_ = false;  // since the start
   torquer_lcm::table_command_t table_command_{};
   effects::Imaging imaging_;
-  bool chosen_ = false;
+  Acquisition acquisition_;
+  bool chosen_ = false;  // or acquired
   bool wedges_moved_ = false;
   std::map<PageId, std::uint32_t> answered_;  // of the pages that are still there
   torquer_lcm::imaging_command_t imaging_command_{};

@@ -233,9 +233,16 @@ class Viewer {
     if (station_ != nullptr) AdvanceCase(now_us);
     if (steer_) {
       steering_.Advance(now_us);
+      // The settings of an acquisition arrive before its X-ray begins, and leave after it has
+      // ended.
+      const bool begins = steering_.acquires() && !acquires_;
+      const bool ends = !steering_.acquires() && acquires_;
+      acquires_ = steering_.acquires();
+      if (begins) PublishImaging(now_us);
       for (const auto& command : steering_.Commands(now_us)) {
         bus_.Publish(protocol::kInstrumentCommandChannel, command);
       }
+      if (ends) PublishImaging(now_us);
       PublishTable(now_us, false);
     }
     skip_ = !skip_;
@@ -311,6 +318,10 @@ class Viewer {
                         {"lao_rad", steering_.lao_rad()},
                         {"cra_rad", steering_.cra_rad()},
                         {"xray", steering_.xray()},
+                        {"acquires", steering_.acquires()},
+                        {"acquisition",
+                         {{"mode", static_cast<int>(steering_.acquisition().mode)},
+                          {"pulses_per_s", steering_.acquisition().pulses_per_s}}},
                         {"contrast", steering_.contrast()},
                         {"mode", static_cast<int>(imaging.mode)},
                         {"pulses_per_s", imaging.pulses_per_s},
@@ -352,6 +363,7 @@ class Viewer {
   std::map<std::string, Hand> hands_;  // by instrument
   bool state_is_new_ = false;
   bool skip_ = false;
+  bool acquires_ = false;  // the pedal of the acquisition was down at the last beat
   int states_ = 0;
   std::int64_t summary_us_ = 0;
   PageServer server_;  // last member, because it calls the others

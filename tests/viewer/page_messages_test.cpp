@@ -167,13 +167,15 @@ TEST_CASE("The page gets the patient's curves, with null for what is not known")
 TEST_CASE("Controls are taken only as the page sends them") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto controls = ReadControls(Bytes(3, 40, -3, 0.5F, 0));
+  CHECK(ReadControls(Bytes(4, 0, 0, 0, 0))->acquisition);
   REQUIRE(controls);
   CHECK(controls->xray);
   CHECK(controls->contrast);
   CHECK(controls->push_mm_s == 40);
   CHECK(controls->turn_rad_s == -3);
   CHECK(controls->lao_rad_s == 0.5);
-  CHECK_FALSE(ReadControls(Bytes(4, 0, 0, 0, 0)));
+  CHECK_FALSE(controls->acquisition);
+  CHECK_FALSE(ReadControls(Bytes(8, 0, 0, 0, 0)));
   CHECK_FALSE(ReadControls(Bytes(0, 201, 0, 0, 0)));
   CHECK_FALSE(ReadControls(Bytes(0, 0, -21, 0, 0)));
   CHECK_FALSE(ReadControls(Bytes(0, 0, 0, nan, 0)));
@@ -255,12 +257,13 @@ TEST_CASE("Controls of a replay are accepted only in the page's format") {
 TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   const auto message = [](std::uint8_t mode, float pulses, float magnification, std::uint8_t left,
                           std::uint8_t bottom) {
-    std::vector<std::uint8_t> bytes = {18, 1, mode, 0};
+    std::vector<std::uint8_t> bytes = {18, 1, mode, 2};
     for (const float value : {pulses, magnification}) {
       const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
       bytes.insert(bytes.end(), first, first + sizeof value);
     }
     bytes.insert(bytes.end(), {left, 2, 3, bottom, 4, 3, 2, 1, 50, 7, 0xa6, 90});
+    bytes.insert(bytes.end(), {0, 0, 0x40, 0x40});  // 3 as a float
     return bytes;
   };
   const auto taken = ReadImaging(message(4, 7.5F, 1.5F, 10, 45));
@@ -278,6 +281,8 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   CHECK(imaging.wedges[1].share == Approx(0.07));
   CHECK(imaging.wedges[0].rotation_deg == -90);
   CHECK(imaging.wedges[1].rotation_deg == 90);
+  CHECK(taken->acquisition.mode == torquer::effects::Imaging::Mode::kSubtraction);
+  CHECK(taken->acquisition.pulses_per_s == 3);
   CHECK(ReadImaging(message(0, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(5, 0, 1, 0, 0)));
   CHECK_FALSE(ReadImaging(message(0, 0.5F, 1, 0, 0)));
@@ -290,6 +295,18 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   auto turned = message(0, 0, 1, 0, 0);
   turned[23] = 91;
   CHECK_FALSE(ReadImaging(turned));
+  for (const std::uint8_t mode : {0, 1, 3, 5}) {
+    auto no_acquisition = message(0, 0, 1, 0, 0);
+    no_acquisition[3] = mode;
+    CHECK_FALSE(ReadImaging(no_acquisition));
+  }
+  // 0, 96 and NaN pulses a second.
+  for (const auto& [third, fourth] : {std::pair{0, 0}, {0xc0, 0x42}, {0xc0, 0x7f}}) {
+    auto pulses = message(0, 0, 1, 0, 0);
+    pulses[26] = static_cast<std::uint8_t>(third);
+    pulses[27] = static_cast<std::uint8_t>(fourth);
+    CHECK_FALSE(ReadImaging(pulses));
+  }
   auto other = message(0, 0, 1, 0, 0);
   CHECK_FALSE(ReadControls(other));
   other.push_back(0);

@@ -44,6 +44,38 @@ test("the tube's figures and the rate of the dose are those of the pulses", asyn
   await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
 });
 
+test("an acquisition has its own pedal, display and pulses, and fluoroscopy follows with its own", async () => {
+  const mode = () => page.evaluate(() => window.torquer.readings().values.picture_mode);
+  // Pulses a second, by the rate of the dose and the current of a pulse.
+  const pulses = async () => {
+    const rate = (await text("#hold")).match(/^([\d.]+) mGy\/min$/)?.[1];
+    const current = (await text("#dose")).match(/kV ([\d.]+) mA/)?.[1];
+    return rate / current / (60 * 8e-3 * 0.06 / 0.36);
+  };
+  const near = (rate) => async () => Math.abs((await pulses()) / rate - 1) < 0.01;
+  await page.keyboard.press("KeyM");
+  const shows = (kind) => until(kind, async () => (await text("#pad-kind")) === kind);
+  await shows("cine 15/s");
+  await hold("Enter", "cine", async () => (await mode()) === 3 && near(15)());
+  for (let k = 0; k < 3; ++k) await page.keyboard.press("Minus");
+  await shows("subtraction 3/s");
+  await until("the hint", async () => (await text("#hint")).includes("Enter subtraction 3/s"));
+  await hold("Enter", "a subtraction", async () => (await mode()) === 1 && near(3)());
+  assert.equal(await text("#system-M span"), "plain");
+  await hold("Space", "fluoroscopy", async () => (await mode()) === 0 && near(15)());
+  await page.keyboard.press("KeyP");
+  await page.locator("#pad-kind").click();
+  await shows("subtraction 6/s");
+  await page.locator("#pad-acquisition").hover();
+  await page.mouse.down();
+  await until("a subtraction by the pad", async () => (await mode()) === 1 && near(6)());
+  await page.mouse.up();
+  await until("the end of X-rays", async () => (await text("#hold")) === "Last image hold");
+  await page.keyboard.press("KeyP");
+  for (let k = 0; k < 4; ++k) await page.keyboard.press("KeyM");
+  await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
+});
+
 test("the table follows its keys, and the margin tells its position", async () => {
   const table = () => page.evaluate(() => {
     const values = window.torquer.readings().values;

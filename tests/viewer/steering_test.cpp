@@ -175,6 +175,45 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{81});
 }
 
+TEST_CASE("While its pedal is down an acquisition has its own display and pulses") {
+  using Mode = torquer::effects::Imaging::Mode;
+  Steering steering = Placed();
+  Controls controls;
+  controls.acquisition = true;
+  // Without a choice it is cine.
+  REQUIRE(steering.Take(3, controls, kStart));
+  CHECK(steering.xray());
+  CHECK(steering.Commands(kStart)[0].xray);
+  REQUIRE(steering.ImagingCommand(kStart) != nullptr);
+  CHECK(steering.ImagingCommand(kStart)->mode == static_cast<int>(Mode::kCine));
+  CHECK(steering.ImagingCommand(kStart)->pulses_per_s == 15);
+  ImagingChoice choice{{.mode = Mode::kRoadmap, .pulses_per_s = 7.5, .magnification = 2}, 1};
+  choice.acquisition = {Mode::kSubtraction, 3};
+  REQUIRE(steering.Take(3, choice));
+  CHECK(steering.ImagingCommand(kStart)->mode == static_cast<int>(Mode::kSubtraction));
+  CHECK(steering.ImagingCommand(kStart)->pulses_per_s == 3);
+  CHECK(steering.ImagingCommand(kStart)->magnification == 2);
+  CHECK(steering.imaging().mode == Mode::kRoadmap);
+  // Both pedals: the acquisition goes on. Then the X-ray pedal alone, with the chosen settings.
+  controls.xray = true;
+  REQUIRE(steering.Take(3, controls, kStart));
+  CHECK(steering.ImagingCommand(kStart)->mode == static_cast<int>(Mode::kSubtraction));
+  controls.acquisition = false;
+  REQUIRE(steering.Take(3, controls, kStart));
+  CHECK(steering.xray());
+  CHECK(steering.ImagingCommand(kStart)->mode == static_cast<int>(Mode::kRoadmap));
+  CHECK(steering.ImagingCommand(kStart)->pulses_per_s == 7.5);
+  // A silent page lifts this pedal too.
+  controls = {.acquisition = true};
+  REQUIRE(steering.Take(3, controls, kStart));
+  steering.Advance(kStart + Steering::kSilentUs);
+  CHECK_FALSE(steering.xray());
+  CHECK(steering.ImagingCommand(kStart)->mode == static_cast<int>(Mode::kRoadmap));
+  steering.Restart();
+  CHECK(steering.ImagingCommand(kStart) == nullptr);
+  CHECK(steering.acquisition().mode == Mode::kCine);
+}
+
 TEST_CASE("Positions of the wedges are sent once one has moved") {
   Steering steering = Placed();
   torquer::effects::Imaging imaging;

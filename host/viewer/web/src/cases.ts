@@ -2,7 +2,8 @@
 // while no case runs. Only a torquer-viewer with --cases has it.
 
 import { element, seconds, setText } from "./dom.js";
-import { type CaseAction, type Cases, type TrainingCase, writeCase } from "./frames.js";
+import type { Cases, TrainingCase } from "./frames.js";
+import { type CaseAction, writeCase } from "./orders.js";
 
 const HARDEST = 5;
 

@@ -5,10 +5,11 @@ import { response } from "./pad.js";
 import type { Held, Source, Steering } from "./steering.js";
 
 const FINE = 0.15;
-const [A, B, LEFT_SHOULDER, RIGHT_SHOULDER] = [0, 1, 4, 5] as const;
+const [A, B, X, LEFT_SHOULDER, RIGHT_SHOULDER] = [0, 1, 2, 4, 5] as const;
 const [LEFT_TRIGGER, RIGHT_TRIGGER, UP, DOWN, LEFT, RIGHT] = [6, 7, 12, 13, 14, 15] as const;
 const NOTHING: Held = {
-  xray: false, contrast: false, push: 0, turn: 0, lao: 0, cra: 0, tableLeft: 0, tableHead: 0, tableUp: 0,
+  xray: false, acquisition: false, contrast: false, push: 0, turn: 0, lao: 0, cra: 0, tableLeft: 0, tableHead: 0,
+  tableUp: 0,
 };
 
 export class GamepadSource implements Source {
@@ -46,7 +47,7 @@ export class GamepadSource implements Source {
     const share = (k: number) => pad.buttons[k]?.value ?? 0;
     // Upwards is negative on a stick. -0 becomes 0, so that it does not count as a change.
     return {
-      xray: pressed(A), contrast: pressed(B),
+      xray: pressed(A), acquisition: pressed(X), contrast: pressed(B),
       push: 0 - speed * axis(1), turn: speed * axis(0), lao: axis(2), cra: 0 - axis(3),
       tableLeft: share(RIGHT) - share(LEFT), tableHead: share(UP) - share(DOWN),
       tableUp: share(RIGHT_TRIGGER) - share(LEFT_TRIGGER),

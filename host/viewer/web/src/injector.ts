@@ -1,7 +1,8 @@
 // The power injector: its set-up, its two buttons, and its figures.
 
 import { element, setData, setText, short } from "./dom.js";
-import type { InjectorOrder, InjectorSetUp, Readings } from "./frames.js";
+import type { Readings } from "./frames.js";
+import type { InjectorOrder, InjectorSetUp } from "./orders.js";
 
 type Values = Readings["values"];
 type Key = keyof InjectorSetUp;

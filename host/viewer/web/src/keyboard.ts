@@ -6,7 +6,7 @@ const FINE = 0.15;
 
 // A USB foot switch is a keyboard. One pedal usually sends b as delivered; of three, the middle one b, the right one c.
 const HELD = new Set([
-  "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Space", "KeyB", "KeyC", "KeyW", "KeyA", "KeyS", "KeyD",
+  "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Space", "KeyB", "Enter", "NumpadEnter", "KeyC", "KeyW", "KeyA", "KeyS", "KeyD",
   "KeyY", "KeyG", "KeyH", "KeyJ", "PageUp", "PageDown",
 ]);
 
@@ -30,6 +30,7 @@ export class Keyboard implements Source {
     const speed = this.fine ? FINE : 1;
     return {
       xray: held("Space") + held("KeyB") > 0,
+      acquisition: held("Enter") + held("NumpadEnter") > 0,
       contrast: held("KeyC") === 1,
       push: speed * (held("ArrowUp") - held("ArrowDown")),
       turn: speed * (held("ArrowRight") - held("ArrowLeft")),
@@ -52,7 +53,7 @@ export class Keyboard implements Source {
     this.fine = event.shiftKey;
     if (event.code.startsWith("Arrow")) this.captured = true;
     if (event.code === "Escape") this.captured = false;
-    // The space bar presses a focused button.
+    // The space bar and Enter press a focused button.
     const onButton = event.target instanceof HTMLButtonElement && !this.captured;
     if (event.code === "Tab" && this.captured) {
       event.preventDefault();

@@ -24,6 +24,7 @@ export class Pad implements Source {
   private readonly knob = element<HTMLElement>("#stick i");
   private readonly holders: Holder[];
   private readonly xray: Holder;
+  private readonly acquisition: Holder;
   private readonly contrast: Holder;
   private readonly up: Holder;
   private readonly down: Holder;
@@ -36,10 +37,11 @@ export class Pad implements Source {
   constructor(private readonly steering: Steering) {
     steering.add(this);
     this.xray = new Holder(element("#pad-xray"), () => steering.tell());
+    this.acquisition = new Holder(element("#pad-acquisition"), () => steering.tell());
     this.contrast = new Holder(element("#pad-contrast"), () => steering.tell());
     this.up = new Holder(element("#pad-up"), () => steering.tell());
     this.down = new Holder(element("#pad-down"), () => steering.tell());
-    this.holders = [this.xray, this.contrast, this.up, this.down];
+    this.holders = [this.xray, this.acquisition, this.contrast, this.up, this.down];
     element("#pad-mode").addEventListener("click", () => this.chooseMode());
     element("#pad-next").addEventListener("click", () => steering.next(1));
     this.stick.addEventListener("pointerdown", (event) => {
@@ -54,7 +56,7 @@ export class Pad implements Source {
 
   /** Hides the buttons of effects and instruments that the scene does not have. */
   setEffects(xray: boolean, contrast: boolean, instruments: number): void {
-    this.xray.button.hidden = !xray;
+    this.xray.button.hidden = this.acquisition.button.hidden = !xray;
     this.contrast.button.hidden = !contrast;
     this.hasXray = xray;
     this.instruments = instruments;
@@ -65,7 +67,7 @@ export class Pad implements Source {
   held(): Held {
     const stick = (mode: Mode, value: number) => (this.mode === mode ? value : 0);
     return {
-      xray: this.xray.held, contrast: this.contrast.held,
+      xray: this.xray.held, acquisition: this.acquisition.held, contrast: this.contrast.held,
       push: stick("instrument", this.y), turn: stick("instrument", this.x),
       lao: stick("arm", this.x), cra: stick("arm", this.y),
       tableLeft: stick("table", this.x), tableHead: stick("table", this.y),
@@ -88,6 +90,8 @@ export class Pad implements Source {
     this.stick.setAttribute("aria-label", `Drag: ${stick}`);
     element<HTMLElement>("#pad-next").hidden = this.mode !== "instrument" || this.instruments < 2;
     for (const { button: one } of [this.up, this.down]) one.hidden = this.mode !== "table";
+    // A phone has room for six buttons.
+    element<HTMLElement>("#pad-kind").hidden = !this.hasXray || this.mode === "table";
   }
 
   release(): void {

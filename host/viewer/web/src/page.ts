@@ -5,11 +5,12 @@ import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
 import type { Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
-import { STATUS, write, writeExchange, writeImaging, writeInjector, writeReplay, writeTable } from "./frames.js";
+import { STATUS } from "./frames.js";
 import { GamepadSource } from "./gamepad.js";
 import { InjectorPanel } from "./injector.js";
 import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
+import { write, writeExchange, writeImaging, writeInjector, writeReplay, writeTable } from "./orders.js";
 import { Pad } from "./pad.js";
 import { Panel } from "./panel.js";
 import { PatientMonitor } from "./patient.js";
@@ -40,7 +41,7 @@ class Page {
   private readonly keyboard = new Keyboard(this.steering);
   private readonly pad = new Pad(this.steering);
   private readonly gamepad = new GamepadSource(this.steering);
-  private readonly xraySystem = new XraySystem((imaging, choice) => this.link.send(writeImaging(imaging, choice)));
+  private readonly xraySystem = new XraySystem((imaging, acquisition, choice) => this.link.send(writeImaging(imaging, acquisition, choice)));
   private readonly injector = new InjectorPanel((order, setUp) => this.link.send(writeInjector(order, setUp)));
   private readonly examination = new Examination();
   private readonly cases = new CaseScreen(
@@ -310,12 +311,12 @@ class Page {
     let parts: [string, string][] = [["F", "follow the tip"], ["V", "whole vessel"]];
     if (this.viewer?.steer === true) {
       const effects = this.scene?.effects ?? [];
-      const xray: [string, string][] = [["Space", "X-ray"], ["W A S D", "C-arm"]];
-      if (effects.includes("contrast")) xray.splice(1, 0, ["C", "contrast"]);
+      const xray: [string, string][] = [["Space", "X-ray"], ["Enter", this.xraySystem.acquisition], ["W A S D", "C-arm"]];
+      if (effects.includes("contrast")) xray.splice(2, 0, ["C", "contrast"]);
       parts = [
         ["↑ ↓", "push, pull"], ["← →", "turn"], ["Shift", "fine"], ["Tab", "next instrument"],
-        ...(effects.includes("fluoroscopy") ? xray : []),
-        ...parts,
+        // A second row of hints would make the picture smaller.
+        ...(effects.includes("fluoroscopy") ? [...xray, parts[0]!] : parts),
       ];
     } else if (this.replay.shown) {
       parts.unshift(["Space", "play, pause"], ["← →", "one state back, forward"], ["Shift ← →", "5 s back, forward"]);

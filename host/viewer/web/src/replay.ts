@@ -1,7 +1,8 @@
 // Bar of a recorded session: play, step, position, speed, and the result of the comparison.
 
 import { element, seconds, setData, setText } from "./dom.js";
-import type { Replay, ReplayControls } from "./frames.js";
+import type { Replay } from "./frames.js";
+import type { ReplayControls } from "./orders.js";
 
 const JUMP_S = 5;
 

@@ -1,7 +1,7 @@
 // Steering of instruments, C-arm and table: sums the rates of keys, pad and gamepad, and sends them. It sends at each change and ten
 // times a second, because torquer-viewer ignores a silent page.
 
-import type { Controls } from "./frames.js";
+import type { Controls } from "./orders.js";
 
 const PUSH_MM_S = 40;
 const TURN_RAD_S = Math.PI;
@@ -13,6 +13,7 @@ const BEAT_MS = 100;
 /** Current demand of one input source; rates are shares of the full speed, -1 to 1. */
 export interface Held {
   xray: boolean;
+  acquisition: boolean;
   contrast: boolean;
   push: number;
   turn: number;
@@ -79,6 +80,7 @@ export class Steering {
       Math.min(Math.max(all.reduce((sum, held) => sum + part(held), 0), -1), 1);
     return {
       xray: all.some((held) => held.xray),
+      acquisition: all.some((held) => held.acquisition),
       contrast: all.some((held) => held.contrast),
       instrument: this.instrument,
       pushMmS: PUSH_MM_S * rate((held) => held.push),

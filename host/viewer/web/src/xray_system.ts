@@ -1,10 +1,15 @@
-// Settings of the X-ray system: display mode, pulse rate, field, shutters and wedge filters.
+// Settings of the X-ray system: display mode, pulse rate, acquisition, field, shutters and wedge filters.
 
 import { element, setText } from "./dom.js";
-import type { Imaging, Viewer } from "./frames.js";
+import type { Acquisition, Imaging, Viewer } from "./frames.js";
 
 const MODES = ["scene's display", "plain", "subtraction", "road map", "cine"];
 const PULSES = [0, 7.5, 15, 30];
+// The heart needs cine, vessels that rest need a subtraction with few pictures.
+const ACQUISITIONS: readonly Acquisition[] = [
+  { mode: 4, pulses_per_s: 15 }, { mode: 4, pulses_per_s: 30 }, { mode: 4, pulses_per_s: 7.5 },
+  { mode: 2, pulses_per_s: 3 }, { mode: 2, pulses_per_s: 6 },
+];
 const MAGNIFICATIONS = [1, 1.5, 2, 3];
 const SHUTTERS = [0, 0.1, 0.2, 0.3];
 const WEDGES = [0, 1, 2, 3]; // bits: 1 the left one is in, 2 the right one
@@ -26,6 +31,7 @@ function wedgesIn({ wedges }: Imaging): number {
 export class XraySystem {
   private readonly root = element<HTMLElement>("#system");
   private now: Imaging = { mode: 0, pulses_per_s: 0, magnification: 1, shutters: [0, 0, 0, 0], wedges: [] };
+  private acquires = ACQUISITIONS[0]!;
   private enabled = false;
   private choice = crypto.getRandomValues(new Uint32Array(1))[0]!; // number of the newest choice; pages have different ones
   private chosenMs = -Infinity;
@@ -33,10 +39,11 @@ export class XraySystem {
   private depth = 0.3; // of wedges that come in next
 
   /** `send` returns false if there is no connection. */
-  constructor(private readonly send: (imaging: Imaging, choice: number) => boolean) {
+  constructor(private readonly send: (imaging: Imaging, acquisition: Acquisition, choice: number) => boolean) {
     for (const code of ["KeyM", "KeyR", "KeyZ", "KeyK", "KeyU", "Digit9", "KeyT"]) {
       element(`#system-${code.slice(-1)}`).addEventListener("click", () => this.next(code));
     }
+    element("#pad-kind").addEventListener("click", () => this.next("Minus"));
   }
 
   /**
@@ -45,7 +52,10 @@ export class XraySystem {
    */
   take(viewer: Viewer, enabled: boolean): void {
     if (viewer.answered?.includes(this.choice) === true) this.answered = true;
-    if (this.answered || this.problem !== "") this.now = viewer;
+    if (this.answered || this.problem !== "") {
+      this.now = viewer;
+      this.acquires = viewer.acquisition ?? this.acquires;
+    }
     this.enabled = enabled;
     this.show();
   }
@@ -56,6 +66,11 @@ export class XraySystem {
     return late ? "X-ray setting not taken: no answer" : "";
   }
 
+  /** Kind of the acquisition, in words. */
+  get acquisition(): string {
+    return `${MODES[this.acquires.mode]} ${this.acquires.pulses_per_s}/s`;
+  }
+
   private show(): void {
     const { enabled, now: imaging } = this;
     this.root.hidden = !enabled;
@@ -63,6 +78,7 @@ export class XraySystem {
     say("M", MODES[imaging.mode] ?? "");
     say("R", imaging.pulses_per_s === 0 ? "scene's pulse rate" : `${imaging.pulses_per_s} pulses/s`);
     say("Z", `field ×${imaging.magnification}`);
+    setText(element("#pad-kind"), this.acquisition);
     const most = Math.max(...imaging.shutters);
     say("K", most === 0 ? "shutters open" : `shutters ${Math.round(100 * most)} %`);
     const wedges = wedgesIn(imaging);
@@ -77,7 +93,10 @@ export class XraySystem {
     if (!this.enabled) return false;
     const { mode, pulses_per_s: pulses, magnification, shutters } = this.now;
     if (code === "KeyM") this.choose({ mode: (mode + 1) % MODES.length });
-    else if (code === "KeyR") this.choose({ pulses_per_s: after(PULSES, pulses) });
+    else if (/^(?:Minus|NumpadSubtract)$/.test(code)) {
+      const place = ACQUISITIONS.findIndex(({ mode, pulses_per_s }) => mode === this.acquires.mode && pulses_per_s === this.acquires.pulses_per_s);
+      this.choose({}, ACQUISITIONS[(place + 1) % ACQUISITIONS.length]!);
+    } else if (code === "KeyR") this.choose({ pulses_per_s: after(PULSES, pulses) });
     else if (code === "KeyZ") this.choose({ magnification: after(MAGNIFICATIONS, magnification) });
     else if (code === "KeyK") {
       const next = after(SHUTTERS, shutters[0]);
@@ -105,11 +124,12 @@ export class XraySystem {
     this.choose({ wedges: [place(1), place(2)] });
   }
 
-  private choose(change: Partial<Imaging>): void {
+  private choose(change: Partial<Imaging>, acquisition = this.acquires): void {
     const { mode, pulses_per_s, magnification, shutters, wedges } = { ...this.now, ...change };
     const chosen = { mode, pulses_per_s, magnification, shutters, wedges };
     const choice = (this.choice + 1) % 2 ** 32;
-    if (!this.send(chosen, choice)) return;
+    if (!this.send(chosen, acquisition, choice)) return;
+    this.acquires = acquisition;
     this.choice = choice;
     this.now = chosen;
     this.chosenMs = performance.now();
