@@ -395,7 +395,8 @@ TEST_CASE("A motion with friction in any budgets is the same to the bit, without
   const WallModel wall{.stiffness_N_mm2 = 0.05};
   std::vector<WireModel> instruments;
   for (int k = 0; k < 1 + seed % 3; ++k) {
-    instruments.push_back(MakeWire({.rigidity_N_mm2 = 0.01 * (k + 1),
+    instruments.push_back(MakeWire({.segment_mm = seed % 4 < 2 ? 1 : 0.2,
+                                    .rigidity_N_mm2 = 0.01 * (k + 1),
                                     .torsional_rigidity_N_mm2 = twists ? 0.02 : 0,
                                     .radius_mm = 0.2 + 0.3 * k,
                                     .tip_mm = 8,

@@ -296,5 +296,26 @@ TEST_CASE("The twist of an instrument that slides in another moves with it, unch
   }
 }
 
+TEST_CASE("The twist of an instrument that slides far moves as in slides of a segment") {
+  TwistedStack stack(3, 9);
+  const double segment_mm = stack.model.segment_mm();
+  for (int k = 1; k < 3; ++k) {
+    WireState whole = stack.state;
+    WireState stepped = stack.state;
+    for (const double way : {-1, 1}) {
+      InstrumentPoses poses = whole.poses();
+      for (int step = 0; step < 3; ++step) {
+        poses[k].insertion_mm += way * segment_mm;
+        stepped.MoveInstruments(stack.model, poses);
+      }
+      whole.MoveInstruments(stack.model, poses);
+      for (int i = 0; i < whole.segments(); ++i) {
+        CAPTURE(k, way, i);
+        CHECK(whole.TwistOf(i, k) == Approx(stepped.TwistOf(i, k)).margin(1e-12));
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace torquer::test

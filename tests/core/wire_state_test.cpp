@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <numbers>
 #include <vector>
 
@@ -107,6 +108,29 @@ TEST_CASE("The tip keeps its directions when the wire is fed") {
     CHECK((state.tangents()[state.tangents().size() - k] - before[before.size() - k]).norm() == 0);
   }
   CHECK((state.tangents()[10] - before[10]).norm() > 1e-3);
+}
+
+TEST_CASE("A long feed is that in steps of half a segment") {
+  const WireModel model = MakeWire({.segment_mm = 1, .tip_mm = 3, .max_length_mm = 40});
+  std::mt19937 random(5);
+  const WireState start = Wander(model, 12.3, 0.2, random);
+  for (const double to_mm : {12.9, 14.8, 33.0, 11.1, 5.2, 0.0}) {
+    CAPTURE(to_mm);
+    WireState whole = start;
+    whole.Feed(model, to_mm);
+    WireState stepped = start;
+    for (int left = static_cast<int>(std::ceil(2 * std::abs(to_mm - 12.3))); left > 0; --left) {
+      stepped.Feed(model, stepped.insertion_mm() + (to_mm - stepped.insertion_mm()) / left);
+    }
+    CHECK_THAT(BrokenGeometry(model, whole), Catch::Equals(""));
+    REQUIRE(whole.segments() == stepped.segments());
+    CHECK(whole.insertion_mm() == to_mm);
+    CHECK(LargestDistance(whole, stepped) < 1e-12);
+  }
+  WireState straight(model);
+  straight.Feed(model, 7.4);
+  CHECK_THAT(BrokenGeometry(model, straight), Catch::Equals(""));
+  CHECK(LargestDistance(straight, LayStraight(model, 7.4)) < 1e-12);
 }
 
 TEST_CASE("A fully retracted wire is the wire at the start") {

@@ -97,8 +97,8 @@ TEST_CASE("A withdrawn straight wire becomes one with a long bend", "[simulator]
 }
 
 TEST_CASE("A feed is relaxed in parts of the scene's longest feed", "[simulator]") {
-  const auto parts = [](const std::string& keys) {
-    const SceneFile file("[relaxation]\nsegment_mm = 1\n" + keys);
+  const auto parts = [](const std::string& keys, const std::string& segment_mm = "1") {
+    const SceneFile file("[relaxation]\nsegment_mm = " + segment_mm + "\n" + keys);
     torquer::scene::Scene scene(file.path());
     Simulation simulation(scene);
     Command command;
@@ -112,8 +112,11 @@ TEST_CASE("A feed is relaxed in parts of the scene's longest feed", "[simulator]
   CHECK(parts("") == 8);
   CHECK(parts("longest_feed_mm = 0.125\n") == 16);
   CHECK(parts("longest_feed_mm = 0.5\n") == 4);
-  // Half a segment is the limit.
+  // Half a segment is the limit, or 0.25 mm if that is more.
   CHECK(parts("longest_feed_mm = 2\n") == 4);
+  CHECK(parts("", "0.2") == 8);
+  CHECK(parts("longest_feed_mm = 0.125\n", "0.2") == 16);
+  CHECK(parts("longest_feed_mm = 2\n", "0.2") == 8);
 }
 
 TEST_CASE("A target that is not a number is refused and the last one stays", "[simulator]") {

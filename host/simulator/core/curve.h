@@ -102,8 +102,8 @@ class Curve {
   /// instrument that twists slides along the wire, which Feed moves afterwards. It turns as a
   /// whole, which is its resting position without external load.
   void MoveInstruments(const WireModel& model, const InstrumentPoses& poses);
-  /// Feeds the wire until `to_mm` of it are inside: 0 .. model.max_length_mm(), a change of at most
-  /// lambda/2. The wire slides along itself and its tip goes straight on (README (23)).
+  /// Feeds the wire until `to_mm` of it are inside: 0 .. model.max_length_mm(). The wire slides
+  /// along itself, by at most lambda/2 at once, and its tip goes straight on (README (23)).
   void Feed(const WireModel& model, double to_mm);
   /// Like Feed, but as a push at the sheath: the shape moves on as it lies. Frames are untwisted.
   void FeedAtBase(const WireModel& model, double to_mm);

@@ -9,6 +9,16 @@ namespace torquer {
 
 using Eigen::Vector3d;
 
+namespace {
+
+// Number of equal steps of at most `longest_mm` that cover a motion of `mm`.
+int StepsOf(double mm, double longest_mm) {
+  constexpr double kRounding = 1e-9;  // of a step
+  return std::max(1, static_cast<int>(std::ceil(std::abs(mm) / longest_mm - kRounding)));
+}
+
+}  // namespace
+
 // Splits the twist after segment 0 was split in two. The twist per length stays the same
 // everywhere. The middles of the first two segments were at 3/4 and 2 segment lengths. The middles
 // of the three are at 1/4, 1 and 2.
@@ -58,17 +68,16 @@ void Curve::MoveInstruments(const WireModel& model, const InstrumentPoses& poses
   const double fed_mm = reach_mm(poses) - reach_mm(poses_);
   for (int k = first; model.stack_twists() && k < first + model.spins(); ++k) {
     const double slid_mm = poses[k].insertion_mm - poses_[k].insertion_mm - fed_mm;
+    const int steps = StepsOf(slid_mm, model.segment_mm());
     const auto fraction = [&](int joint) {
-      return std::min(1.0, std::abs(slid_mm) / JointLength(model, *this, joint));
+      return std::min(1.0, std::abs(slid_mm) / steps / JointLength(model, *this, joint));
     };
     // The twist slides along with the instrument's material, distally or proximally.
-    if (slid_mm > 0) {
-      for (int i = n - 1; i >= 0; --i) {
-        turns_rad_[i][k] -= fraction(i) * TwistOf(i, k);
-      }
-    } else if (slid_mm < 0) {
-      for (int i = 0; i + 1 < n; ++i) {
-        turns_rad_[i][k] += fraction(i + 1) * TwistOf(i + 1, k);
+    for (int step = 0; step < steps; ++step) {
+      if (slid_mm > 0) {
+        for (int i = n - 1; i >= 0; --i) turns_rad_[i][k] -= fraction(i) * TwistOf(i, k);
+      } else if (slid_mm < 0) {
+        for (int i = 0; i + 1 < n; ++i) turns_rad_[i][k] += fraction(i + 1) * TwistOf(i + 1, k);
       }
     }
     const double turned_rad = poses[k].rotation_rad - poses_[k].rotation_rad;
@@ -176,16 +185,15 @@ void Curve::BendSplit(const WireModel& model) {
 }
 
 void Curve::Feed(const WireModel& model, double to_mm) {
-  const double target = insertion_mm_ + (to_mm - insertion_mm_);
-  const double fed = target - insertion_mm_;
-  assert(to_mm >= 0 && to_mm <= model.max_length_mm() &&
-         std::abs(fed) <= model.segment_mm() / 2 * (1 + 1e-9));
-
-  Slide(model, fed);
-  insertion_mm_ = target;
-  const int before = segments();
-  FitFirstSegment(model);
-  if (before > 0 && segments() > before) BendSplit(model);
+  assert(to_mm >= 0 && to_mm <= model.max_length_mm());
+  for (int left = StepsOf(to_mm - insertion_mm_, model.segment_mm() / 2); left > 0; --left) {
+    const double target = insertion_mm_ + (to_mm - insertion_mm_) / left;
+    Slide(model, target - insertion_mm_);
+    insertion_mm_ = target;
+    const int before = segments();
+    FitFirstSegment(model);
+    if (before > 0 && segments() > before) BendSplit(model);
+  }
   insertion_mm_ = to_mm;
   if (poses_.size() == 1) poses_[0].insertion_mm = to_mm;
   Rebuild(model);

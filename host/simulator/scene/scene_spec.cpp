@@ -119,8 +119,10 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
           .Number("tolerance_mm", &Spec::tolerance_mm, 0, 10, "mm",
                   "estimated solver error (solver_error_mm) below which a tick may end, in "
                   "addition to tolerance; 0: not used")
-          .Number("longest_feed_mm", &Spec::longest_feed_mm, 0.01, 5, "mm",
-                  "longest feed before the instruments are relaxed again; half a segment at most")
+          .Number(
+              "longest_feed_mm", &Spec::longest_feed_mm, 0.01, 5, "mm",
+              "longest feed before the instruments are relaxed again; at most half a segment, or "
+              "0.25 mm if that is more")
           .Number("longest_tick_ms", &Spec::longest_tick_ms, 0.1, 100, "ms",
                   "longest tick of a script while the vessel moves or an effect evolves; with "
                   "inertia at most 1")

@@ -15,6 +15,14 @@ namespace torquer {
 using Part = NewtonMemory::Part;
 using Phase = NewtonMemory::Phase;
 
+namespace {
+
+// Feed that segments of any length allow. The path of friction depends on the length of a part and
+// not on that of a segment.
+constexpr double kFeedOfShortSegmentsMm = 0.25;
+
+}  // namespace
+
 template <class Sweep>
 NewtonMethod<Sweep>::NewtonMethod(const WireModel& wire, const ClearanceField& field,
                                   const WallModel& wall, const NewtonSettings& settings,
@@ -237,7 +245,8 @@ template <class Sweep>
 int NewtonMethod<Sweep>::Move(const InstrumentPoses& goal, WireState& state) {
   const InstrumentPoses here = state.poses();
   const PassingLimits limits = FindPassingLimits(state, mechanics_, memory_.current.between);
-  const double feed_mm = std::min({settings_.max_feed_mm, model_.segment_mm() / 2, limits.feed_mm});
+  const double limit_mm = std::max(kFeedOfShortSegmentsMm, model_.segment_mm() / 2);
+  const double feed_mm = std::min({settings_.max_feed_mm, limit_mm, limits.feed_mm});
   const InstrumentPoses next = NextPoses(stack(), here, goal, feed_mm, settings_.max_turn_rad);
   // For the terms each part is a tick, so their memory does not depend on the length of a tick.
   if (memory_.part == Part::kMoved) {

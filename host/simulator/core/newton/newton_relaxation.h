@@ -27,7 +27,7 @@ struct NewtonSettings {
   /// Largest SolverErrorMm at which a tick ends converged, in addition; 0 for no limit.
   double tolerance_mm = 0;
   /// Longest feed, mm, before the wire is relaxed again; longer commands are split. Limited to half
-  /// a segment in any case.
+  /// a segment, or to 0.25 mm if that is more.
   double max_feed_mm = 0.25;
   /// Largest rotation, rad, before the wire is relaxed again.
   double max_turn_rad = 0.2;
