@@ -7,6 +7,9 @@
 #include <new>
 #include <span>
 #include <string_view>
+#include <type_traits>
+
+#include "host/bus/event_times.h"
 
 namespace torquer::bus {
 
@@ -20,17 +23,19 @@ bool IsMessage(std::string_view type_name, std::int64_t fingerprint,
 
 /// Decodes `size` bytes at `data` as a Message of protocol/lcm. Returns false if they are not one;
 /// then `message` has no meaning. Never throws. Accepts bytes from any origin, such as the bus or a
-/// log.
+/// log. Readings of earlier releases get the meaning of the present ones.
 // Not inlined: otherwise GCC 12 wrongly warns about the generated decoder.
 template <class Message>
 [[gnu::noinline]] bool DecodeMessage(const void* data, std::size_t size, Message& message) {
   const auto* bytes = static_cast<const std::uint8_t*>(data);
   if (!IsMessage(Message::getTypeName(), Message::getHash(), {bytes, size})) return false;
   try {
-    return message.decode(data, 0, static_cast<int>(size)) == static_cast<int>(size);
+    if (message.decode(data, 0, static_cast<int>(size)) != static_cast<int>(size)) return false;
   } catch (const std::bad_alloc&) {
     return false;
   }
+  if constexpr (std::is_same_v<Message, torquer_lcm::readings_t>) ForgetNegativeEventTimes(message);
+  return true;
 }
 
 }  // namespace torquer::bus

@@ -34,27 +34,33 @@ std::string ValueText(double value) {
 std::string ReadingText(std::string_view name, double value) {
   // Ends of names and their units; an end that contains a later one comes before it.
   static constexpr std::pair<std::string_view, std::string_view> kUnits[] = {
-      {"_mm_s", "mm/s"},      {"line_load_mN_mm", "mN/mm"},
-      {"_mN_mm", "mN mm"},    {"_mm", "mm"},
-      {"_mN", "mN"},          {"_mNs", "mN s"},
-      {"_kPa", "kPa"},        {"_mJ", "mJ"},
-      {"_mL", "mL"},          {"_mg", "mg"},
-      {"_mGy", "mGy"},        {"_Gy_cm2", "Gy cm\u00b2"},
-      {"_mGy_min", "mGy/min"}};
+      {"_mm_s", "mm/s"},
+      {"_mL_s", "mL/s"},
+      {"line_load_mN_mm", "mN/mm"},
+      {"_mN_mm", "mN mm"},
+      {"_mN", "mN"},
+      {"_mm", "mm"},
+      {"_mNs", "mN s"},
+      {"_kPa", "kPa"},
+      {"_mJ", "mJ"},
+      {"_mL", "mL"},
+      {"_mg", "mg"},
+      {"_mGy", "mGy"},
+      {"_mGy_min", "mGy/min"},
+      {"_Gy_cm2", "Gy cm\u00b2"}};
   constexpr double kLongestS = 1e9;  // values of a log may be anything
   if (std::isnan(value)) return "not known";
   for (const auto& [end, unit] : kUnits) {
     if (name.ends_with(end)) return ValueText(value) + " " + std::string(unit);
   }
   if (name.ends_with("_s")) {
-    if (value < 0) return "never";
-    return value < kLongestS ? SecondsText(value) : ValueText(value) + " s";
+    return value >= 0 && value < kLongestS ? SecondsText(value) : ValueText(value) + " s";
   }
   return value == std::trunc(value) ? fmt::format("{:.0f}", value) : ValueText(value);
 }
 
 std::string TimesText(double count) {
-  if (count == 0) return "never";
+  if (count == 0) return kNever;
   return count == 1 ? "once" : fmt::format("{:.0f} times", count);
 }
 

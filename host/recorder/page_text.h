@@ -14,8 +14,10 @@ std::string SecondsText(double seconds);
 /// Three significant digits, or all digits before the point: "41.2", "0.314", "1250".
 std::string ValueText(double value);
 /// Value of a reading with the unit at the end of its name, such as "41.2 mN". Times are as by
-/// SecondsText, and counts are whole numbers. A negative time gives "never", NaN gives "not known".
+/// SecondsText, and counts are whole numbers. NaN gives "not known".
 std::string ReadingText(std::string_view name, double value);
+/// Text for the time of an event that has not happened.
+inline constexpr char kNever[] = "never";
 /// "never", "once", "3 times".
 std::string TimesText(double count);
 /// "41.2 mN".

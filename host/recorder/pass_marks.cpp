@@ -6,6 +6,7 @@
 #include <array>
 #include <filesystem>
 
+#include "host/bus/event_times.h"
 #include "host/recorder/page_text.h"
 #include "host/recorder/session_report.h"
 #include "host/support/error.h"
@@ -46,6 +47,12 @@ bool IsOfConvergedTicks(const Mark& mark) {
   });
 }
 
+// Fills in the verdict on a mark of an event that has not happened.
+void JudgeMissed(Mark& mark) {
+  mark.found = kNever;
+  mark.passed = false;
+}
+
 // Fills in the verdict on a mark whose value is known. `is_lower_bound`: the true value may be
 // larger, so the mark can be failed and cannot be passed.
 void JudgeMark(Mark& mark, bool is_lower_bound) {
@@ -55,10 +62,7 @@ void JudgeMark(Mark& mark, bool is_lower_bound) {
     return;
   }
   mark.found = ReadingText(mark.reading, *mark.value);
-  // A negative time: it never happened.
-  const bool never = *mark.value < 0;
-  mark.passed = !never && *mark.value <= *mark.most;
-  if (never) mark.value.reset();
+  mark.passed = *mark.value <= *mark.most;
   if (!is_lower_bound) return;
   mark.found = "at least " + mark.found;
   if (*mark.passed) mark.passed.reset();
@@ -133,6 +137,7 @@ void CompareMarks(const SessionReport& report, MarkSheet& sheet) {
   for (Mark& mark : sheet.marks) {
     mark.value = FindReading(report.readings, mark.reading);
     if (mark.value) JudgeMark(mark, !all_converged && IsOfConvergedTicks(mark));
+    if (bus::NeverHappened(report.readings, mark.reading)) JudgeMissed(mark);
   }
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/bus/event_times.h"
 #include "host/recorder/json_values.h"
 #include "host/recorder/page_text.h"
 #include "host/recorder/session_summary.h"
@@ -27,6 +28,11 @@ std::vector<Eigen::Vector3d> Points(const std::vector<std::vector<float>>& nodes
   std::vector<Eigen::Vector3d> points;
   for (const auto& node : nodes_mm) points.emplace_back(node[0], node[1], node[2]);
   return points;
+}
+
+// A count in JSON; null if it is unknown, which is negative in a report.
+nlohmann::ordered_json CountJson(std::int64_t count) {
+  return count < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(count);
 }
 
 std::string KnownCount(std::int64_t count) { return count < 0 ? "?" : std::to_string(count); }
@@ -91,9 +97,9 @@ std::string FormatInstrument(const InstrumentReport& report) {
 nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
   return {{"name", report.name},
           {"device", report.device},
-          {"reports_sent", report.reports_sent},
-          {"reports_received", report.reports_received},
-          {"reports_lost", report.reports_lost},
+          {"reports_sent", CountJson(report.reports_sent)},
+          {"reports_received", CountJson(report.reports_received)},
+          {"reports_lost", CountJson(report.reports_lost)},
           {"reports_unfetched", report.reports_unfetched},
           {"healed_mm", report.healed_mm},
           {"motion_error_counts", report.axial.error_counts},
@@ -127,9 +133,15 @@ std::string FormatMarks(const MarkSheet& sheet) {
   return text;
 }
 
-// "; expert run VALUE"; "" without an expert run that has the reading.
+std::string TextOf(const torquer_lcm::readings_t& readings, const std::string& name, double value) {
+  return bus::NeverHappened(readings, name) ? kNever : ReadingText(name, value);
+}
+
+// "; expert run VALUE"; "" without an expert run that knows the reading.
 std::string ExpertText(const SessionReport& report, const std::string& name) {
   if (!report.expert) return "";
+  if (bus::NeverHappened(report.expert->readings, name))
+    return std::string("; expert run ") + kNever;
   const std::optional<double> value = FindReading(report.expert->readings, name);
   return value ? "; expert run " + ReadingText(name, *value) : "";
 }
@@ -235,7 +247,8 @@ std::string FormatReport(const SessionReport& report) {
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
     const std::string& name = report.readings.names[i];
     text += fmt::format("  {:<13}{} {}{}\n", i == 0 ? "readings" : "", Printable(name),
-                        ReadingText(name, report.readings.values[i]), ExpertText(report, name));
+                        TextOf(report.readings, name, report.readings.values[i]),
+                        ExpertText(report, name));
   }
   text += FormatPhases(Summarize(report));
   for (const ReportExchange& exchange : report.exchanges) {

@@ -166,7 +166,7 @@ void SessionCourse::CountTick(const torquer_lcm::wire_state_t& state) {
 // The readings describe the newest injection, until the next one begins.
 void SessionCourse::AddInjection(const torquer_lcm::readings_t& readings) {
   const std::optional<double> start_s = FindReading(readings, "injection_start_s");
-  if (!start_s || *start_s < 0) return;
+  if (!start_s) return;
   if (injections_.empty() || *start_s > injections_.back().start_s) {
     if (injections_.size() == kMostInjections) return;
     injections_.emplace_back().start_s = *start_s;

@@ -3,7 +3,9 @@
 #include "host/bus/message_check.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <filesystem>
+#include <limits>
 #include <random>
 #include <set>
 #include <stdexcept>
@@ -122,6 +124,28 @@ TEST_CASE("Random bytes behind a fingerprint are refused") {
       REQUIRE_NOTHROW(sample.decodes(bytes));
     }
   }
+}
+
+TEST_CASE("An event that has not happened has no time, also in readings of earlier releases") {
+  torquer_lcm::readings_t readings{};
+  readings.names = {"target_reached",    "target_reached_s", "wall_force_event_s", "mask_lost_s",
+                    "wall_force_events", "air_kerma_mGy",    "injection_start_s"};
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  readings.values = {0, -1, -1, -1, unknown, -1, 0};
+  readings.count = static_cast<std::int32_t>(readings.names.size());
+  Bytes bytes(static_cast<std::size_t>(readings.getEncodedSize()));
+  readings.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  torquer_lcm::readings_t decoded;
+  REQUIRE(torquer::bus::DecodeMessage(bytes.data(), bytes.size(), decoded));
+  for (const std::size_t k : {1, 2, 3}) CHECK(std::isnan(decoded.values[k]));
+  // These are no times of events, or a time.
+  for (const std::size_t k : {0, 5, 6}) CHECK(decoded.values[k] == readings.values[k]);
+  using torquer::bus::NeverHappened;
+  CHECK(NeverHappened(decoded, "target_reached_s"));
+  CHECK(NeverHappened(decoded, "mask_lost_s"));
+  CHECK_FALSE(NeverHappened(decoded, "wall_force_event_s"));  // their number is not known
+  CHECK_FALSE(NeverHappened(decoded, "left_model_event_s"));  // the scene does not look for them
+  CHECK_FALSE(NeverHappened(decoded, "injection_start_s"));
 }
 
 TEST_CASE("A text has its zero at its end, and no other") {

@@ -165,9 +165,14 @@ TEST_CASE("The newest injection of the readings is listed once, until the next o
   torquer_lcm::readings_t readings{};
   readings.names = {"injection_start_s", "injection_set_mL", "injection_rate_mL_s", "injection_mL",
                     "injection_aborted"};
-  const std::vector<double> all[] = {{-1, 0, 0, 0, 0},  {2.5, 8, 4, 0, 0}, {2.5, 8, 4, 3, 0},
-                                     {2.5, 8, 4, 3, 1}, {2.5, 8, 4, 3, 1}, {9, 6, 2, 1, 0},
-                                     {9, 6, 2, 6, 0},   {20, 6, 2, 0.5, 0}};
+  const std::vector<double> all[] = {std::vector<double>(5, std::nan("")),
+                                     {2.5, 8, 4, 0, 0},
+                                     {2.5, 8, 4, 3, 0},
+                                     {2.5, 8, 4, 3, 1},
+                                     {2.5, 8, 4, 3, 1},
+                                     {9, 6, 2, 1, 0},
+                                     {9, 6, 2, 6, 0},
+                                     {20, 6, 2, 0.5, 0}};
   for (const std::vector<double>& values : all) {
     readings.values = values;
     course.Add(readings);

@@ -132,7 +132,7 @@ TEST_CASE("The verdict follows the readings") {
                        Catch::Contains("&#x2717; above the limit") &&
                        Catch::Contains("class=\"verdict poor\""));
   SetReading(report, "target_reached", 0);
-  SetReading(report, "target_reached_s", -1);
+  SetReading(report, "target_reached_s", std::numeric_limits<double>::quiet_NaN());
   page = FormatPage(report, parts);
   CHECK_THAT(page, Catch::Contains("Target not reached") &&
                        Catch::Contains("did not reach the target in 0:01.0 min") &&

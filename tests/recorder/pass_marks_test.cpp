@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "host/recorder/report_output.h"
@@ -27,13 +28,16 @@ constexpr char kMarksOfTrainer[] =
     "largest_force_mN = 300\n"
     "wrong_vessels = 0\n";
 
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// `reached_s`: NaN if the target was not reached.
 SessionReport MarkedReport(double reached_s, double force_mN, double wrong) {
   SessionReport report;
   report.scene = "made_up";
   report.description.effects = {"wall_force", "assessment"};
   report.readings.names = {"target_reached", "target_reached_s", "wall_force_largest_ever_mN",
                            "wrong_vessel_entries", "safe_success"};
-  report.readings.values = {reached_s < 0 ? 0.0 : 1.0, reached_s, force_mN, wrong, 1};
+  report.readings.values = {std::isnan(reached_s) ? 0.0 : 1.0, reached_s, force_mN, wrong, 1};
   return report;
 }
 
@@ -68,19 +72,26 @@ TEST_CASE("A missed target fails its marks, and an unknown value neither passes 
   const TemporaryFolder folder;
   const std::string path = folder.Path("marks.toml");
   WriteMarks(path, kMarksOfTrainer);
-  const MarkSheet missed = Compared(path, MarkedReport(-1, 20, 0));
+  const MarkSheet missed = Compared(path, MarkedReport(kUnknown, 20, 0));
   CHECK(missed.Passed() == false);
   CHECK(missed.marks[0].passed == false);
   CHECK(missed.marks[1].passed == false);
   CHECK_FALSE(missed.marks[1].value.has_value());
   CHECK(missed.marks[1].found == "never");
 
-  const MarkSheet unknown = Compared(path, MarkedReport(20, std::nan(""), 0));
+  SessionReport doubt = MarkedReport(kUnknown, 20, 0);
+  doubt.readings.values[0] = kUnknown;
+  const MarkSheet doubtful = Compared(path, doubt);
+  CHECK_FALSE(doubtful.Passed().has_value());
+  CHECK_FALSE(doubtful.marks[1].passed.has_value());
+  CHECK(doubtful.marks[1].found == "not known");
+
+  const MarkSheet unknown = Compared(path, MarkedReport(20, kUnknown, 0));
   CHECK_FALSE(unknown.Passed().has_value());
   CHECK_FALSE(unknown.marks[2].passed.has_value());
   CHECK(unknown.marks[2].found == "not known");
   // One failed mark decides, whatever is not known.
-  CHECK(Compared(path, MarkedReport(20, std::nan(""), 3)).Passed() == false);
+  CHECK(Compared(path, MarkedReport(20, kUnknown, 3)).Passed() == false);
 
   SessionReport report = MarkedReport(20, 20, 0);
   report.not_gradable = "the recording is damaged";

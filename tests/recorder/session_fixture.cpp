@@ -1,5 +1,6 @@
 #include "tests/recorder/session_fixture.h"
 
+#include <cmath>
 #include <lcm/lcm-cpp.hpp>
 #include <string>
 #include <vector>
@@ -221,7 +222,7 @@ torquer_lcm::readings_t CourseReadings(double time_s) {
                      1,
                      -9.5,
                      reached ? 1.0 : 0.0,
-                     reached ? 0.7 : -1,
+                     reached ? 0.7 : std::nan(""),
                      reached ? 1.0 : 0.0};
   readings.count = static_cast<std::int32_t>(readings.names.size());
   return readings;

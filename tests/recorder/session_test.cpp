@@ -171,11 +171,14 @@ TEST_CASE("The report has three digits, a unit and times as minutes and seconds"
   report.instruments[0].axial.wire = -0.00004;
   report.instruments[0].axial.error_counts = 0.123456;
   report.instruments[0].latency_ms.p50 = 1.23456;
-  report.readings.names = {"procedure_s",     "target_reached_s", "catheter.hand_torque_mN_mm",
-                           "retractions",     "air_kerma_mGy",    "wall_line_load_mN_mm",
-                           "mean_speed_mm_s", "tip_path_ratio",   "safe_success"};
-  report.readings.values = {41.23456, -1,       0.123456, 3,           123.456,
-                            41.23456, 7.891234, 1.23456,  std::nan("")};
+  report.readings.names = {"procedure_s",     "target_reached_s",  "catheter.hand_torque_mN_mm",
+                           "retractions",     "air_kerma_mGy",     "wall_line_load_mN_mm",
+                           "mean_speed_mm_s", "tip_path_ratio",    "safe_success",
+                           "target_reached",  "wall_force_events", "wall_force_event_s",
+                           "mask_lost_s",     "injector_rate_mL_s"};
+  const double unknown = std::nan("");
+  report.readings.values = {41.23456, unknown, 0.123456, 3,       123.456, 41.23456, 7.891234,
+                            1.23456,  unknown, 0,        unknown, unknown, unknown,  4};
   const std::string text = FormatReport(report);
   for (const char* part :
        {"Session of 2:05 min in", "residual 1.23e-05, largest penetration 12.3 um", "p50 312 us",
@@ -183,7 +186,8 @@ TEST_CASE("The report has three digits, a unit and times as minutes and seconds"
         "procedure_s 0:41.2 min\n", "target_reached_s never\n",
         "catheter.hand_torque_mN_mm 0.123 mN mm\n", "retractions 3\n", "air_kerma_mGy 123 mGy\n",
         "wall_line_load_mN_mm 41.2 mN/mm\n", "mean_speed_mm_s 7.89 mm/s\n", "tip_path_ratio 1.23\n",
-        "safe_success not known\n"}) {
+        "safe_success not known\n", "wall_force_event_s not known\n", "mask_lost_s never\n",
+        "injector_rate_mL_s 4.00 mL/s\n"}) {
     CHECK_THAT(text, Catch::Contains(part));
   }
 }
@@ -207,6 +211,8 @@ TEST_CASE("A lost report is counted, by the emulator's count or by the report nu
   CHECK_FALSE(Report(faults).Good());
   faults.without_emulator = true;
   CHECK(Wire(faults).reports_sent == -1);
+  const std::string json = FormatReportJson(Report(faults), "", "");
+  CHECK_THAT(json, Catch::Contains("\"reports_sent\":null"));
   CHECK(Wire(faults).reports_lost == 3);
 }
 

@@ -276,19 +276,17 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   CHECK(record["instruments"]["guidewire"]["rotation_rad"] == 0.3);
   const nlohmann::json& readings = record["readings"];
   // All measures that assess trainees.
-  for (const char* name : {"procedure_s",          "fluoroscopy_s",
-                           "tip_path_mm",          "tip_path_ratio",
-                           "retractions",          "retracted_mm",
-                           "wrong_vessel_entries", "mean_speed_mm_s",
-                           "submovements",         "log_dimensionless_jerk",
-                           "wall_force_max_mN",    "wall_impulse_mNs",
-                           "target_reached",       "target_reached_s",
-                           "safe_success",         "wall_force_largest_mN",
-                           "wall_force_sum_mN",    "wall_force_tip_mN",
-                           "wall_force_events",    "wall_force_above_s"}) {
+  for (const char* name :
+       {"procedure_s", "fluoroscopy_s", "tip_path_mm", "tip_path_ratio", "retractions",
+        "retracted_mm", "wrong_vessel_entries", "mean_speed_mm_s", "submovements",
+        "log_dimensionless_jerk", "wall_force_max_mN", "wall_impulse_mNs", "target_reached",
+        "safe_success", "wall_force_sum_mN", "wall_force_largest_mN", "wall_force_events",
+        "wall_force_tip_mN", "wall_force_above_s"}) {
     INFO(name);
     CHECK(readings[name].is_number());
   }
+  CHECK(readings["target_reached"] == 0);
+  CHECK(readings.at("target_reached_s").is_null());
   CHECK(readings["procedure_s"] == 4);
   CHECK(readings["retractions"] == 1);
   CHECK(readings["retracted_mm"] == 5);

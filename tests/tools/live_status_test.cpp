@@ -69,30 +69,30 @@ TEST_CASE("Events of the wall force are reported once, and the line has the forc
   tools::LiveStatus status(7);
   status.Add(State(0, 1), kSender, kNowUs);
   torquer_lcm::readings_t readings{};
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
   readings.names = {"wall_force_largest_mN", "wall_force_sum_mN",
                     "wall_force_events",     "wall_force_largest_ever_mN",
                     "wall_force_event_s",    "wall_force_event_mN",
                     "target_reached",        "target_reached_s"};
-  readings.values = {0.5, 1.25, 2, 3.5, 4, 3.5, 0, -1};
+  readings.values = {0.5, 1.25, 2, 3.5, 4, 3.5, 0, unknown};
   // Two events from before the first readings are not news.
   CHECK(status.Add(readings).empty());
   CHECK_THAT(status.Line(1, kNowUs),
              Catch::Contains("| ok | force 0.5 mN, sum 1.25, most 3.5, 2 events | device"));
-  readings.values = {5, 6, 3, 5, 7.25, 5, 0, -1};
+  readings.values = {5, 6, 3, 5, 7.25, 5, 0, unknown};
   CHECK(status.Add(readings) == "wall force: event 3: above the threshold at 7.25 s, 5 mN so far");
   CHECK(status.Add(readings).empty());
   readings.values[6] = 1;
   readings.values[7] = 9.5;
   CHECK(status.Add(readings) == "assessment: target reached at 9.50 s");
   // Until a tick has converged, nothing is known; the first event after it is news.
-  const double unknown = std::numeric_limits<double>::quiet_NaN();
   readings.values = {5, 6, unknown, unknown, unknown, unknown, unknown, unknown};
   CHECK(status.Add(readings).empty());
   CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("force 5 mN, sum 6, most -, - events"));
-  readings.values = {5, 6, 1, 5, 8.5, 5, 0, -1};
+  readings.values = {5, 6, 1, 5, 8.5, 5, 0, unknown};
   CHECK(status.Add(readings) == "wall force: event 1: above the threshold at 8.50 s, 5 mN so far");
   // A restarted scene has no events.
-  readings.values = {0, 0, 0, 0, -1, 0, 0, -1};
+  readings.values = {0, 0, 0, 0, unknown, unknown, 0, unknown};
   CHECK(status.Add(readings).empty());
 }
 
@@ -100,7 +100,7 @@ TEST_CASE("An instrument that leaves the model is reported, and the line shows i
   tools::LiveStatus status(7);
   torquer_lcm::readings_t readings{};
   readings.names = {"left_model_mm", "left_model_events", "left_model_event_s"};
-  readings.values = {0, 0, -1};
+  readings.values = {0, 0, std::numeric_limits<double>::quiet_NaN()};
   CHECK(status.Add(readings).empty());
   readings.values = {3, 1, 4.25};
   CHECK(status.Add(readings) == "outlets: an instrument left the model at 4.25 s");

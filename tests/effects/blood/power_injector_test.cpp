@@ -206,6 +206,11 @@ TEST_CASE("The injector's dye flows out of the vessels, and counts with that by 
           "[effects]") {
   Session session;
   session.Run({.order = Order::kArm}, 20);
+  for (const char* name : {"injection_start_s", "injection_mL", "injection_set_mL",
+                           "injection_rate_mL_s", "injection_aborted"}) {
+    INFO(name);
+    CHECK(std::isnan(session.Now(name)));
+  }
   CHECK(session.Now("contrast_injected_mL") == 0);
   CHECK(session.Now("injector_phase") == 1);
   session.Run({.order = Order::kInject}, 20);
@@ -265,6 +270,7 @@ TEST_CASE("A copy continues an injection to the bit, and a restart forgets it", 
   copy.simulation().Restart();
   CHECK(copy.Now("injector_phase") == 0);
   CHECK(copy.Now("injections") == 0);
+  CHECK(std::isnan(copy.Now("injection_start_s")));
   CHECK(copy.Now("injector_volume_mL") == 2);
 }
 

@@ -1,6 +1,7 @@
 #include "host/simulator/effects/blood/power_injector.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace torquer::effects {
 
@@ -74,6 +75,9 @@ double PowerInjector::left_mL() const {
 }
 
 std::vector<Reading> PowerInjector::Readings() const {
+  const auto of_newest = [this](double value) {
+    return injections_ > 0 ? value : std::numeric_limits<double>::quiet_NaN();
+  };
   return {{"injector_phase", static_cast<double>(phase_)},
           {"injector_volume_mL", set_up_.volume_mL},
           {"injector_rate_mL_s", set_up_.rate_mL_s},
@@ -81,11 +85,11 @@ std::vector<Reading> PowerInjector::Readings() const {
           {"injector_rise_s", set_up_.rise_s},
           {"injector_left_mL", left_mL()},
           {"injections", static_cast<double>(injections_)},
-          {"injection_start_s", newest_.start_s},
-          {"injection_mL", newest_.delivered_mL},
-          {"injection_set_mL", newest_.set_up.volume_mL},
-          {"injection_rate_mL_s", newest_.set_up.rate_mL_s},
-          {"injection_aborted", newest_.aborted ? 1.0 : 0.0}};
+          {"injection_start_s", of_newest(newest_.start_s)},
+          {"injection_mL", of_newest(newest_.delivered_mL)},
+          {"injection_set_mL", of_newest(newest_.set_up.volume_mL)},
+          {"injection_rate_mL_s", of_newest(newest_.set_up.rate_mL_s)},
+          {"injection_aborted", of_newest(newest_.aborted ? 1 : 0)}};
 }
 
 }  // namespace torquer::effects

@@ -42,7 +42,7 @@ class PowerInjector {
 
  private:
   struct Injection {
-    double start_s = -1;  // of the order; -1: none
+    double start_s = 0;  // of the order
     InjectorSetUp set_up;
     double delivered_mL = 0;
     bool aborted = false;

@@ -28,7 +28,7 @@ void Fluoroscopy::Restart() {
   dose_ = DoseMeter();
   table_ = {};
   mask_view_ = {};
-  mask_lost_s_ = -1;
+  mask_lost_s_.reset();
   newest_ = {};
   taker_.Restart();
 }
@@ -50,7 +50,7 @@ std::vector<Reading> Fluoroscopy::Readings() const {
   readings.push_back({"table_left_mm", table_.left_mm});
   readings.push_back({"table_head_mm", table_.head_mm});
   readings.push_back({"table_height_mm", table_.height_mm});
-  readings.push_back({"mask_lost_s", mask_lost_s_});
+  readings.push_back({"mask_lost_s", mask_lost_s_.value_or(Newest::kUnknown)});
   readings.push_back({"picture_mode", newest_.mode});
   readings.push_back({"picture_instrument", newest_.instrument});
   readings.push_back({"picture_contrast", newest_.contrast});

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "host/simulator/effects/blood/contrast.h"
@@ -57,9 +58,9 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   const FluoroscopySettings settings_;
   const DyePoints dye_points_;
   DoseMeter dose_;
-  Table table_;              // of the last tick
-  View mask_view_;           // of the mask; no view without a mask
-  double mask_lost_s_ = -1;  // time at which a mask was lost; -1: never
+  Table table_;                        // of the last tick
+  View mask_view_;                     // of the mask; no view without a mask
+  std::optional<double> mask_lost_s_;  // newest time at which a mask was lost
   Newest newest_;
   FrameTaker taker_;
   Latest<XrayFrame> frames_;

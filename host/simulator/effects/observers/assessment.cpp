@@ -174,7 +174,7 @@ std::vector<Reading> Assessment::Readings() const {
           {"wall_force_max_mN", force_.largest_ever_mN()},
           {"wall_impulse_mNs", force_.impulse_mNs()},
           {"target_reached", of_tip(target_reached() ? 1 : 0)},
-          {"target_reached_s", of_tip(reached_s_.value_or(-1))},
+          {"target_reached_s", of_tip(reached_s_.value_or(kUnknown))},
           {"safe_success", of_tip(SafeSuccess())}};
 }
 

@@ -51,7 +51,7 @@ void Outlets::Restart() {
   was_out_ = false;
   beyond_mm_ = 0;
   events_ = 0;
-  event_s_ = -1;
+  event_s_.reset();
 }
 
 void Outlets::CopyFrom(const Effect& twin) {
@@ -147,7 +147,7 @@ void Outlets::Observe(const TickView& tick) {
 std::vector<Reading> Outlets::Readings() const {
   return {{"left_model_mm", beyond_mm_},
           {"left_model_events", static_cast<double>(events_)},
-          {"left_model_event_s", event_s_}};
+          {"left_model_event_s", event_s_.value_or(std::numeric_limits<double>::quiet_NaN())}};
 }
 
 namespace {

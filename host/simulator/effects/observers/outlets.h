@@ -51,7 +51,7 @@ class Outlets final : public Effect, public Observer, public MotionLimit {
   bool was_out_ = false;
   double beyond_mm_ = 0;
   int events_ = 0;
-  double event_s_ = -1;
+  std::optional<double> event_s_;  // of the newest event
 };
 
 EffectKind OutletsKind();

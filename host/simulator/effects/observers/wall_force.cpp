@@ -34,8 +34,7 @@ void WallForce::CopyFrom(const Effect& twin) {
 void WallForce::Restart() {
   largest_mN_ = sum_mN_ = tip_mN_ = pressure_kPa_ = tip_pressure_kPa_ = 0;
   peak_mN_ = tip_pressure_peak_kPa_ = impulse_mNs_ = seconds_above_ = event_mN_ = 0;
-  unconverged_s_ = 0;
-  event_began_s_ = -1;
+  unconverged_s_ = event_began_s_ = 0;
   events_ = 0;
   above_ = any_converged_ = knows_forces_ = missed_any_ = false;
 }
@@ -147,21 +146,20 @@ void WallForce::Observe(const TickView& tick) {
 }
 
 std::vector<Reading> WallForce::Readings() const {
-  return {
-      {"wall_force_largest_mN", largest_mN()},
-      {"wall_force_sum_mN", sum_mN()},
-      {"wall_force_tip_mN", tip_mN()},
-      {"wall_line_load_mN_mm", line_load_mN_mm()},
-      {"wall_pressure_kPa", pressure_kPa()},
-      {"wall_tip_pressure_kPa", tip_pressure_kPa()},
-      {"wall_force_largest_ever_mN", largest_ever_mN()},
-      {"wall_tip_pressure_ever_kPa", tip_pressure_ever_kPa()},
-      {"wall_force_impulse_mNs", impulse_mNs()},
-      {"wall_force_events", Counted(events_)},
-      {"wall_force_above_s", Counted(seconds_above_)},
-      {"wall_force_event_s", Counted(event_began_s_)},
-      {"wall_force_event_mN", events_ == 0 ? std::numeric_limits<double>::quiet_NaN() : event_mN_},
-      {"wall_force_unconverged_s", unconverged_s_}};
+  return {{"wall_force_largest_mN", largest_mN()},
+          {"wall_force_sum_mN", sum_mN()},
+          {"wall_force_tip_mN", tip_mN()},
+          {"wall_line_load_mN_mm", line_load_mN_mm()},
+          {"wall_pressure_kPa", pressure_kPa()},
+          {"wall_tip_pressure_kPa", tip_pressure_kPa()},
+          {"wall_force_largest_ever_mN", largest_ever_mN()},
+          {"wall_tip_pressure_ever_kPa", tip_pressure_ever_kPa()},
+          {"wall_force_impulse_mNs", impulse_mNs()},
+          {"wall_force_events", Counted(events_)},
+          {"wall_force_above_s", Counted(seconds_above_)},
+          {"wall_force_event_s", event_began_s()},
+          {"wall_force_event_mN", event_mN()},
+          {"wall_force_unconverged_s", unconverged_s_}};
 }
 
 namespace {

@@ -55,11 +55,9 @@ class WallForce final : public Effect, public Observer {
   double impulse_mNs() const { return Counted(impulse_mNs_); }
   int events() const { return events_; }  ///< number of times that the threshold was exceeded
   double seconds_above() const { return seconds_above_; }
-  double event_began_s() const {
-    return event_began_s_;
-  }  ///< of the newest event; -1 without an event
-  /// Largest force of a patch in it; 0 without an event.
-  double event_mN() const { return event_mN_; }
+  double event_began_s() const { return OfEvent(event_began_s_); }  ///< NaN without an event
+  /// Largest force of a patch in the newest event; NaN without an event.
+  double event_mN() const { return OfEvent(event_mN_); }
   double unconverged_s() const { return unconverged_s_; }  ///< total time of uncounted ticks
 
  private:
@@ -70,6 +68,9 @@ class WallForce final : public Effect, public Observer {
   // Value of a measure over converged ticks; NaN without such a tick.
   double Counted(double value) const {
     return any_converged_ ? value : std::numeric_limits<double>::quiet_NaN();
+  }
+  double OfEvent(double value) const {
+    return events_ > 0 ? value : std::numeric_limits<double>::quiet_NaN();
   }
   void FindForces(const TickView& tick);
   void FindTips(const TickView& tick);
@@ -105,8 +106,8 @@ class WallForce final : public Effect, public Observer {
   int events_ = 0;
   double unconverged_s_ = 0;
   double seconds_above_ = 0;
-  double event_began_s_ = -1;
-  double event_mN_ = 0;
+  double event_began_s_ = 0;  // of the newest event
+  double event_mN_ = 0;       // largest force in it
 };
 
 EffectKind WallForceKind();

@@ -175,8 +175,8 @@ export class Fluoroscopy {
     }
     this.rateMGyMin = values["air_kerma_rate_mGy_min"] ?? 0;
     this.setTable(values);
-    const lostS = values["mask_lost_s"] ?? -1;
-    const lost = lostS >= 0 && readings.time_s - lostS < MASK_LOST_SHOWN_S;
+    const lostS = values["mask_lost_s"] ?? null;
+    const lost = lostS !== null && readings.time_s - lostS < MASK_LOST_SHOWN_S;
     setText(element("#mask-lost"), lost ? "View moved: mask lost" : "");
     const row = (term: string, name: string, shown: (value: number) => string) => {
       const value = values[name];
