@@ -80,7 +80,7 @@ export class BrowserSession {
 
 // Longest texts of the margin, by selector; those of the dose by term. A long session has all of them at once.
 const LONGEST = {
-  "#hold": "Last image hold", "#mask-lost": "View moved: mask lost", "#lao": "RAO 120°", "#cra": "CAU 45°",
+  "#hold": "Last image hold", "#picture-warning": "View moved: mask lost", "#lao": "RAO 120°", "#cra": "CAU 45°",
   "#system-M span": "scene's display", "#system-R span": "scene's pulse rate", "#system-K span": "shutters 30 %",
   "#system-U span": "wedge right", "#system-9 span": "50 %", "#system-T span": "-60°",
   "#field :first-child": "field 48 cm", "#source-distance": "SID 120 cm", "#loop-number": "loop 10 of 10, 123.45 s",

@@ -102,13 +102,13 @@ test("the table follows its keys, and the margin tells its position", async () =
 });
 
 test("a table that moves takes the road map, and the margin tells it", async () => {
-  await until("no mask was lost lately", async () => (await text("#mask-lost")) === "");
+  await until("no mask was lost lately", async () => (await text("#picture-warning")) === "");
   for (let k = 0; k < 3; ++k) await page.keyboard.press("KeyM");
   await until("the road map", async () => (await text("#system-M span")) === "road map");
   const shown = await page.evaluate(() => window.torquer.pictures());
   await hold("Space", "pictures", () => page.evaluate((from) => window.torquer.pictures() > from + 2, shown));
   await page.keyboard.press("KeyJ", { delay: 200 });
-  await until("it tells", async () => (await text("#mask-lost")) === "View moved: mask lost");
+  await until("it tells", async () => (await text("#picture-warning")) === "View moved: mask lost");
   for (let k = 0; k < 2; ++k) await page.keyboard.press("KeyM");
   await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
 });

@@ -1,4 +1,4 @@
-// Page that gets values which are not known, as after a tick that did not converge.
+// Page that gets values which are not known, as after a tick that did not converge, and damaged pictures.
 // usage: node tests/viewer/unknown_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -124,4 +124,22 @@ test("figures between two slow states are unknown, not 0", async () => {
   });
   assert.ok(seen.includes("7.00 µm"), seen.join(" | "));
   assert.ok(!seen.includes("0 µm"), seen.join(" | "));
+});
+
+test("a damaged picture is named for seconds, also while others arrive", async () => {
+  const shownMs = await page.evaluate(async () => {
+    window.change = undefined;
+    const shown = () => document.querySelector("#xray-margin").textContent.includes("Picture lost: damaged");
+    const wait = async (wanted) => {
+      const endMs = performance.now() + 60000;
+      while (shown() !== wanted && performance.now() < endMs) await new Promise((done) => setTimeout(done, 20));
+      return performance.now();
+    };
+    const jpeg = new Uint8Array([255, 216, 255, 0]);
+    window.torquer.take({ kind: "picture", held: false, lateral: false, number: 1, timeS: 1, laoRad: 0, craRad: 0, width: 8, height: 8, jpeg });
+    const beganMs = await wait(true);
+    return (await wait(false)) - beganMs;
+  });
+  assert.ok(shownMs > 4000, `shown for ${shownMs} ms`);
+  assert.deepEqual(problems, []);
 });

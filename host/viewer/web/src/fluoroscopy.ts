@@ -12,6 +12,7 @@ import { Subtraction } from "./subtraction.js";
 const DEG = 180 / Math.PI;
 const MOST_ZOOM = 4;
 const MASK_LOST_SHOWN_S = 5; // of simulated time
+const DAMAGED_SHOWN_MS = 5000; // after the last damaged picture
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
 
 /** "LAO 30°": the patient's side or end that the detector leans to. */
@@ -50,7 +51,10 @@ function showSides(at: HTMLElement, laoRad: number, craRad: number): void {
 
 export class Fluoroscopy {
   private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
-  private readonly unreadable = () => this.setHold(false, "A picture was damaged and is not shown");
+  private readonly unreadable = () => {
+    this.damagedMs = performance.now();
+    this.warn();
+  };
   private readonly changed = () => this.measure.changed();
   private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable, this.changed);
   private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable, this.changed);
@@ -69,6 +73,8 @@ export class Fluoroscopy {
   private newest: Picture | null = null; // from the simulator
   private fieldMm = 0;
   private rateMGyMin = 0; // of the air kerma
+  private damagedMs = -Infinity; // time of the last picture that was damaged
+  private maskLost = false;
   private level = 128; // gray that is shown as the middle
   private width = 256; // grays from black to white
   private zoom = 1;
@@ -154,6 +160,13 @@ export class Fluoroscopy {
   setHold(xray: boolean, text: string): void {
     const rate = this.rateMGyMin > 0 ? `${short(this.rateMGyMin)} mGy/min` : "";
     setText(element("#hold"), xray ? rate : text);
+    this.warn();
+  }
+
+  // A picture that is missing is the graver problem.
+  private warn(): void {
+    const damaged = performance.now() - this.damagedMs < DAMAGED_SHOWN_MS;
+    setText(element("#picture-warning"), damaged ? "Picture lost: damaged" : this.maskLost ? "View moved: mask lost" : "");
   }
 
   setNotice(text: string): void {
@@ -176,8 +189,8 @@ export class Fluoroscopy {
     this.rateMGyMin = values["air_kerma_rate_mGy_min"] ?? 0;
     this.setTable(values);
     const lostS = values["mask_lost_s"] ?? null;
-    const lost = lostS !== null && readings.time_s - lostS < MASK_LOST_SHOWN_S;
-    setText(element("#mask-lost"), lost ? "View moved: mask lost" : "");
+    this.maskLost = lostS !== null && readings.time_s - lostS < MASK_LOST_SHOWN_S;
+    this.warn();
     const row = (term: string, name: string, shown: (value: number) => string) => {
       const value = values[name];
       return value === undefined ? null : this.dose.set(term, value === null ? "not known" : shown(value));
@@ -219,7 +232,9 @@ export class Fluoroscopy {
 
   clear(): void {
     this.setTable({});
-    setText(element("#mask-lost"), "");
+    this.maskLost = false;
+    this.damagedMs = -Infinity;
+    this.warn();
     this.dose.clear();
     this.loops.clear();
     this.newest = this.shown = null;
