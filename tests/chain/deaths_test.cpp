@@ -6,15 +6,13 @@
 #include <csignal>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "host/recorder/session_log.h"
-#include "host/viewer/page_messages.h"
+#include "tests/chain/steering_page.h"
 #include "tests/support/daemon_process.h"
-#include "tests/support/raw_client.h"
 #include "tests/support/reports.h"
 #include "tests/support/socket_device.h"
 #include "torquer_lcm/picture_t.hpp"
@@ -191,60 +189,26 @@ TEST_CASE(
   CHECK(summary.damage.missing == 0);
 }
 
-// Page that steers: for its lifetime its pedal is down and it pushes the wire.
-class SteeringPage {
- public:
-  explicit SteeringPage(const std::string& link) : link_(link) {
-    const std::size_t host = link.find("127.0.0.1:");
-    const std::size_t path = link.find('/', host);
-    const std::string name = link.substr(host, path - host);
-    client_.emplace(static_cast<std::uint16_t>(std::stoi(name.substr(name.find(':') + 1))));
-    const std::string token = link.substr(path + 1, link.find_first_of("/\n", path + 1) - path - 1);
-    REQUIRE(client_->Upgrade("/" + token + "/bus", name, "http://" + name));
-    thread_ = std::thread([this] { Run(); });
-  }
-  ~SteeringPage() {
-    stop_ = true;
-    thread_.join();
-  }
-
- private:
-  void Run() {
-    std::string controls(viewer::kControlsBytes, '\0');
-    const float push_mm_s = 5;
-    controls[0] = static_cast<char>(viewer::FrameKind::kControls);
-    controls[1] = static_cast<char>(viewer::kFrameVersion);
-    controls[2] = 1;  // the pedal
-    std::memcpy(controls.data() + 4, &push_mm_s, sizeof push_mm_s);
-    while (!stop_ && client_->SendFrame(2, controls)) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-  }
-
-  std::string link_;
-  std::optional<RawClient> client_;
-  std::atomic<bool> stop_ = false;
-  std::thread thread_;
-};
-
 TEST_CASE("A viewer that steers dies or hangs with its pedal down: no X-ray, no motion") {
   Listener listener;
   torquer_lcm::wire_state_t state{};
   std::int64_t pictures = 0;
+  double newest_s = 0;  // time of the newest picture
   listener.bus->Subscribe<torquer_lcm::wire_state_t>(
       protocol::kWireStateChannel,
       [&state](const torquer_lcm::wire_state_t& message) { state = message; });
   listener.bus->Subscribe<torquer_lcm::picture_t>(
-      protocol::kPictureChannel,
-      [&pictures](const torquer_lcm::picture_t& picture) { pictures = picture.number; });
+      protocol::kPictureChannel, [&pictures, &newest_s](const torquer_lcm::picture_t& picture) {
+        pictures = picture.number;
+        newest_s = picture.time_s;
+      });
   const ChildProcess simulator(
       {ProgramPath("torquer-simulator"), "--scene", SourcePath("/host/scenes/coronary.toml")});
   const int how = GENERATE(SIGSTOP, SIGKILL);
   CAPTURE(how);
   ChildProcess viewer({ProgramPath("torquer-viewer"), "--steer"});
   REQUIRE(listener.Until([&] { return Contains(viewer.Output(), "http://"); }));
-  const std::string said = viewer.Output();
-  const SteeringPage page(said.substr(said.find("http://")));
+  const SteeringPage page(viewer.Output(), SteeringPage::kXray);
   REQUIRE(listener.Until([&] {
     return pictures > 3 && (state.status & protocol::kWireInDoubt) == 0 && state.time_s > 0 &&
            state.instruments[0].insertion_mm > state.instruments[0].inserted_at_start_mm + 2;
@@ -255,10 +219,10 @@ TEST_CASE("A viewer that steers dies or hangs with its pedal down: no X-ray, no 
   // Waits until commands in transit have arrived.
   const double then_s = state.time_s;
   REQUIRE(listener.Until([&] { return state.time_s > then_s + 0.2; }));
-  const std::int64_t taken = pictures;
   const double held_mm = state.instruments[0].insertion_mm;
   REQUIRE(listener.Until([&] { return state.time_s > then_s + 1.5; }));
-  CHECK(pictures == taken);
+  // The picture thread of a busy machine is late, but its pictures are of pulses before the end.
+  CHECK(newest_s <= then_s + 0.2);
   CHECK(state.instruments[0].insertion_mm == held_mm);
   CHECK((state.status & protocol::kWireInDoubt) != 0);
   if (how == SIGSTOP) viewer.Signal(SIGKILL);
