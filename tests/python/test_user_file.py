@@ -109,7 +109,7 @@ def test_files_of_states_that_are_nested_deeply(tmp_path):
         (f'scenes = ["ty_phantom"]\n{MOTION}\n[axes]\n"{"a." * 500}a" = [1]\n', "axes: a.a.a"),
         (f'scenes = ["ty_phantom"]\n{MOTION}\n[random]\n"{"a." * 500}a" = [0, 1]\n', "random: a.a.a"),
         ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "pipe"\n', "pipe: cannot be read"),
-        ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "wide.csv"\n', "wide.csv:2: time_s is '1+'; give a finite number"),
+        ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "wide.csv"\n', "wide.csv:2: time_s is '1+\\.\\.'; give a finite number"),
     ],
 )
 def test_a_study_that_is_nested_deeply_or_waits(study, tmp_path, text, said):
