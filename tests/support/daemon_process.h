@@ -27,8 +27,7 @@ inline const std::string kDaemonProgram = ProgramPath("torquer-daemon");
 /// Collects all published messages in a private network, with mocked devices if requested. Its
 /// folder holds the daemons' claims, files stored for devices, and files of the test.
 struct Listener {
-  explicit Listener(bool with_devices = false) {
-    with_devices ? NeedPrivateNetworkAndDevices() : NeedPrivateNetwork();
+  explicit Listener(bool with_devices = false) : folder(InPrivateNetwork(with_devices)) {
     setenv("XDG_RUNTIME_DIR", folder.Path().c_str(), 1);
     setenv("XDG_CONFIG_HOME", folder.Path().c_str(), 1);
     unsetenv("LCM_DEFAULT_URL");
@@ -89,6 +88,13 @@ struct Listener {
   std::vector<torquer_lcm::device_sample_t> samples;
   std::vector<torquer_lcm::health_t> health;
   std::map<std::string, std::int64_t> counters;  ///< newest value by name
+
+ private:
+  // The folder is made in the network: a restart of the program would leave an earlier one.
+  static TemporaryFolder InPrivateNetwork(bool with_devices) {
+    with_devices ? NeedPrivateNetworkAndDevices() : NeedPrivateNetwork();
+    return TemporaryFolder();
+  }
 };
 
 /// Command line of the daemon for a device behind `socket`.
