@@ -9,7 +9,7 @@
 namespace torquer::simulator {
 
 /// Version of the record's format; changes with the meaning or the name of a field.
-inline constexpr int kRecordVersion = 2;
+inline constexpr int kRecordVersion = 3;
 
 /// Record of the simulated scene, its last state, and every reading of the scene's observers.
 /// [effects.assessment] adds the trainee's measures. Fields: host/simulator/effects/README.md.

@@ -3,6 +3,7 @@
 import json
 import pathlib
 import random
+import re
 import struct
 import subprocess
 import sys
@@ -147,3 +148,30 @@ def test_any_bytes_are_read_or_refused(folder, tmp_path):
         except torquer.Error:
             refused += 1
     assert 50 < refused < 550
+
+
+def old_binary(values):
+    """A file of these fields, with one number a row each."""
+    header = json.dumps({"fields": [{"name": name, "unit": "s", "type": "f8", "shape": []} for name in values]}).encode()
+    header += b" " * (-len(header) % 8)
+    rows = b"".join(struct.pack(f"<{len(row)}d", *row) for row in zip(*values.values()))
+    return torquer.states.MAGIC + struct.pack("<II", 2, len(header)) + header + rows
+
+
+def test_times_that_earlier_builds_wrote_as_minus_one_are_not_known(folder, tmp_path):
+    # Times of events are null in today's files until the event has happened.
+    today = (folder / "states.jsonl").read_text()
+    times = {name for name in re.findall(r'"(\w+_s)":null', today) if not name.endswith("_mm_s")}
+    assert {"target_reached_s", "wall_force_event_s"} <= times
+    (tmp_path / "old.jsonl").write_text(re.sub(rf'("({"|".join(times)})"):null', r"\1:-1.0", today))
+    old = torquer.read_states(tmp_path / "old.jsonl")
+    for name in times:
+        assert np.array_equal(old[name], torquer.read_states(folder / "states.jsonl")[name], equal_nan=True), name
+        assert np.isnan(old[name]).any()
+
+    values = {name: [-1.0, -1.0, 0.5] for name in sorted(times)} | {"time_s": [-1.0, 0.0, 1.0]}
+    (tmp_path / "old.bin").write_bytes(old_binary(values))
+    old = torquer.read_states(tmp_path / "old.bin")
+    assert old["time_s"].tolist() == [-1, 0, 1]
+    for name in times:
+        assert np.array_equal(old[name], [np.nan, np.nan, 0.5], equal_nan=True), name

@@ -263,7 +263,7 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   CHECK_FALSE(std::filesystem::exists(file.Beside("r.json.part")));
   std::ifstream in(file.Beside("r.json"));
   const nlohmann::json record = nlohmann::json::parse(in);
-  CHECK(record["record_version"] == 2);
+  CHECK(record["record_version"] == 3);
   CHECK(record["scene"] == "small");
   CHECK(record["scene_file"] == file.path());
   CHECK(record["content_hash"] == torquer::Hex(scene.content_hash()));

@@ -23,6 +23,8 @@ _MOST_HEADER_BYTES = 1 << 20
 _MOST_NODES = 100_000
 _SHAPES = {(): 0, ("nodes",): 1, ("nodes", 3): 3}
 _AGAIN = "write the file again with torquer-simulator --states"
+# Until the event has happened, their time is NaN. Earlier builds wrote -1.
+_EVENT_TIMES = ("target_reached_s", "wall_force_event_s", "left_model_event_s", "injection_start_s", "mask_lost_s")
 
 
 class States(Mapping[str, Union[Array, List[Array]]]):
@@ -82,6 +84,13 @@ def _header(path: str, data: bytes) -> Any:
     return 16 + size, fields
 
 
+def _forget_negative_times(fields: Dict[str, Union[Array, List[Array]]]) -> None:
+    for name in _EVENT_TIMES:
+        times = fields.get(name)
+        if isinstance(times, np.ndarray) and (times < 0).any():
+            fields[name] = np.where(times < 0, np.nan, times)
+
+
 def _read_binary(path: str, data: bytes) -> States:
     at, fields = _header(path, data)
     single = [field for field in fields if not field["shape"]]
@@ -114,6 +123,7 @@ def _read_binary(path: str, data: bytes) -> States:
         else:
             column = np.ascontiguousarray(table[:, single.index(field)])
             found[field["name"]] = column.view("<" + field["type"])
+    _forget_negative_times(found)
     return States(found, {field["name"]: field["unit"] for field in fields}, len(words))
 
 
@@ -146,7 +156,9 @@ def _read_json(path: str, data: bytes) -> States:
             raise Error(f"{path}:{number}: not an object with the fields of the line before; {_AGAIN}")
         rows.append(row)
     names = list(rows[0]) if rows else []
-    return States({name: _column(path, name, [row[name] for row in rows]) for name in names}, {name: _torquer.unit_of(name) for name in names}, len(rows))
+    found = {name: _column(path, name, [row[name] for row in rows]) for name in names}
+    _forget_negative_times(found)
+    return States(found, {name: _torquer.unit_of(name) for name in names}, len(rows))
 
 
 def read_states(path: Path) -> States:
