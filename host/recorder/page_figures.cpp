@@ -33,11 +33,11 @@ std::string InjectionText(const PowerInjection& injection) {
 
 // Doubt about an instrument that is not good.
 std::string DoubtOf(const InstrumentReport& instrument) {
-  if (instrument.reports_lost < 0) {
+  if (!instrument.reports_lost) {
     return " may have lost reports of its device: their number is not known.";
   }
-  if (instrument.reports_lost > 0) {
-    return fmt::format(" lost {} reports of its device.", instrument.reports_lost);
+  if (*instrument.reports_lost > 0) {
+    return fmt::format(" lost {} reports of its device.", *instrument.reports_lost);
   }
   return fmt::format(" did not follow its hand: they are {} counts of the sensor apart.",
                      ValueText(CountsApart(instrument)));
@@ -89,10 +89,10 @@ PageVerdict PageFigures::Verdict() const {
                      : !now_.safe ? "Target reached; safety not known"
                      : *now_.safe ? "&#x2713; Target reached safely"
                                   : "&#x2717; Target reached, but not safely";
-  verdict.text = reached
-                     ? "The tip reached the target after " +
-                           SecondsText(now_.target_s.value_or(now_.procedure_s)) + "."
-                     : "The tip did not reach the target in " + SecondsText(now_.procedure_s) + ".";
+  verdict.text =
+      !reached        ? "The tip did not reach the target in " + SecondsText(now_.procedure_s) + "."
+      : now_.target_s ? "The tip reached the target after " + SecondsText(*now_.target_s) + "."
+                      : "The tip reached the target; the time is not known.";
   if (!now_.wall_force_mN) return verdict;
   verdict.text += " The largest force on the wall was " + ForceText(*now_.wall_force_mN);
   if (limits_.force_limit_mN) {
@@ -158,8 +158,9 @@ void PageFigures::AddTarget(std::vector<PageFinding>& findings) const {
   }
   findings.push_back({target,
                       !now_.target_reached ? "not known"
-                      : reached ? "reached after " + SecondsText(now_.target_s.value_or(0))
-                                : "not reached",
+                      : !reached           ? "not reached"
+                      : now_.target_s      ? "reached after " + SecondsText(*now_.target_s)
+                                           : "reached; time not known",
                       limits_.target_radius_mm
                           ? fmt::format("tip within {:g} mm of it", *limits_.target_radius_mm)
                           : "tip near it",
@@ -271,8 +272,10 @@ std::vector<PageRow> PageFigures::Motion() const {
   std::vector<PageRow> rows = {
       {"Path length of the tip", TipPath()},
       {"Speed of the tip while it moved",
-       fmt::format("{} mm/s mean, {} mm/s peak", ValueText(course.moving_speed_mm_s()),
-                   ValueText(course.peak_speed_mm_s()))}};
+       course.moving_speed_mm_s()
+           ? fmt::format("{} mm/s mean, {} mm/s peak", ValueText(*course.moving_speed_mm_s()),
+                         ValueText(course.peak_speed_mm_s()))
+           : "it did not move"}};
   for (const InstrumentCourse& instrument : course.instruments()) {
     rows.push_back({"Reversals, " + SafeText(instrument.name),
                     TimesText(static_cast<double>(instrument.reversals))});
@@ -328,15 +331,16 @@ std::vector<PageRow> PageFigures::Device() const {
       continue;
     }
     rows.push_back({name + ": reports of the device lost",
-                    instrument.reports_lost < 0
-                        ? "not known"
-                        : fmt::format("{} reports", instrument.reports_lost)});
+                    instrument.reports_lost ? fmt::format("{} reports", *instrument.reports_lost)
+                                            : "not known"});
     rows.push_back(
         {name + ": hand against instrument", ValueText(CountsApart(instrument)) + " counts apart"});
-    rows.push_back(
-        {name + ": from hand to simulation",
-         fmt::format("{} ms median, {} ms 99th percentile", ValueText(instrument.latency_ms.p50),
-                     ValueText(instrument.latency_ms.p99))});
+    const Distribution& latency_ms = instrument.latency_ms;
+    rows.push_back({name + ": from hand to simulation",
+                    latency_ms.count == 0
+                        ? "not known"
+                        : fmt::format("{} ms median, {} ms 99th percentile",
+                                      ValueText(latency_ms.p50), ValueText(latency_ms.p99))});
   }
   rows.push_back({"Motion in doubt (sensor or commands missing)", Share(report_.solver.in_doubt)});
   rows.push_back({"Missing from the recording", fmt::format("{} ticks", report_.states_missing)});

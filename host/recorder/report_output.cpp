@@ -30,12 +30,13 @@ std::vector<Eigen::Vector3d> Points(const std::vector<std::vector<float>>& nodes
   return points;
 }
 
-// A count in JSON; null if it is unknown, which is negative in a report.
-nlohmann::ordered_json CountJson(std::int64_t count) {
-  return count < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(count);
+std::string KnownCount(const std::optional<std::int64_t>& count) {
+  return count ? std::to_string(*count) : "?";
 }
 
-std::string KnownCount(std::int64_t count) { return count < 0 ? "?" : std::to_string(count); }
+std::string MsText(double value) {
+  return std::isnan(value) ? "not known" : ValueText(value) + " ms";
+}
 
 // Differences below a thousandth are rounding.
 double Rounded(double value) { return std::round(1e3 * value) / 1e3; }
@@ -48,26 +49,33 @@ std::string Signed(double value) {
 
 std::string CountsText(double counts) { return ValueText(Rounded(counts)) + " counts"; }
 
+std::string LatencyText(const Distribution& latency_ms) {
+  if (latency_ms.count == 0) return "not known";
+  return fmt::format("p50 {} ms, p99 {} ms, p99.9 {} ms, max {} ms", ValueText(latency_ms.p50),
+                     ValueText(latency_ms.p99), ValueText(latency_ms.p999),
+                     ValueText(latency_ms.max));
+}
+
 std::string FormatInstrument(const InstrumentReport& report) {
   std::string text =
       fmt::format("  {}, driven by device {}\n", Printable(report.name), Printable(report.device));
   text +=
       fmt::format("    reports    {} sent, {} received, {} lost\n", KnownCount(report.reports_sent),
                   KnownCount(report.reports_received), KnownCount(report.reports_lost));
-  if (report.reports_unfetched > 0) {
+  if (report.reports_unfetched.value_or(0) > 0) {
     text += fmt::format(
         "               {} of the lost were not fetched in time; the next report contained their "
         "motion\n",
-        report.reports_unfetched);
+        *report.reports_unfetched);
   }
   text += fmt::format(
       "    insertion  sensor {:+} counts ({:+} of them held), which is {} mm; {} {} mm: "
       "{} apart\n",
       report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand),
       Printable(report.name), Signed(report.axial.wire), CountsText(report.axial.error_counts));
-  if (report.healed_mm != 0) {
+  if (report.healed_mm.value_or(0) != 0) {
     text += fmt::format("               {} mm were lost, and corrected at the end switch\n",
-                        Signed(report.healed_mm));
+                        Signed(*report.healed_mm));
   }
   text += fmt::format(
       "    rotation   sensor {:+} counts ({:+} of them held), which is {} deg; {} {} deg: "
@@ -75,37 +83,38 @@ std::string FormatInstrument(const InstrumentReport& report) {
       report.rotation.sensor_counts, report.rotation.held_counts,
       Signed(report.rotation.hand * kDegreesPerRad), Printable(report.name),
       Signed(report.rotation.wire * kDegreesPerRad), CountsText(report.rotation.error_counts));
-  text += fmt::format(
-      "    latency    sensor to wire state: p50 {} ms, p99 {} ms, p99.9 {} ms, max {} ms\n",
-      ValueText(report.latency_ms.p50), ValueText(report.latency_ms.p99),
-      ValueText(report.latency_ms.p999), ValueText(report.latency_ms.max));
+  text += "    latency    sensor to wire state: " + LatencyText(report.latency_ms) + "\n";
   const double expected = kReportsPerSecond * report.duration_s;
   if (report.resets > 0) {
     // Its counts began again, so they do not show the speed of the machine.
     text += fmt::format("               the device restarted {} during the session\n",
                         TimesText(static_cast<double>(report.resets)));
-  } else if (report.reports_sent >= 0 &&
-             static_cast<double>(report.reports_sent) < kRealTime * expected) {
+  } else if (report.reports_sent &&
+             static_cast<double>(*report.reports_sent) < kRealTime * expected) {
     text += fmt::format(
         "               the machine was too busy for real time: the device's {} took {}\n",
-        SecondsText(static_cast<double>(report.reports_sent) / kReportsPerSecond),
+        SecondsText(static_cast<double>(*report.reports_sent) / kReportsPerSecond),
         SecondsText(report.duration_s));
   }
   return text;
 }
 
 nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
+  // Without a device the log does not have the motion of the hand.
+  const auto of_device = [&report](double value) {
+    return report.driven() ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+  };
   return {{"name", report.name},
           {"device", report.device},
-          {"reports_sent", CountJson(report.reports_sent)},
-          {"reports_received", CountJson(report.reports_received)},
-          {"reports_lost", CountJson(report.reports_lost)},
-          {"reports_unfetched", report.reports_unfetched},
-          {"healed_mm", report.healed_mm},
-          {"motion_error_counts", report.axial.error_counts},
-          {"rotation_error_counts", report.rotation.error_counts},
-          {"insertion_mm", report.axial.wire},
-          {"rotation_rad", report.rotation.wire},
+          {"reports_sent", OrNull(report.reports_sent)},
+          {"reports_received", OrNull(report.reports_received)},
+          {"reports_lost", OrNull(report.reports_lost)},
+          {"reports_unfetched", OrNull(report.reports_unfetched)},
+          {"healed_mm", OrNull(report.healed_mm)},
+          {"motion_error_counts", of_device(report.axial.error_counts)},
+          {"rotation_error_counts", of_device(report.rotation.error_counts)},
+          {"insertion_mm", of_device(report.axial.wire)},
+          {"rotation_rad", of_device(report.rotation.wire)},
           {"latency_ms_p50", report.latency_ms.p50},
           {"latency_ms_p99", report.latency_ms.p99},
           {"latency_ms_p999", report.latency_ms.p999},
@@ -218,8 +227,8 @@ void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& capti
                          {{"reports sent", KnownCount(report.reports_sent)},
                           {"reports lost", KnownCount(report.reports_lost)},
                           {"wire against sensor", apart},
-                          {"sensor to wire state, p50", ValueText(report.latency_ms.p50) + " ms"},
-                          {"sensor to wire state, p99", ValueText(report.latency_ms.p99) + " ms"}});
+                          {"sensor to wire state, p50", MsText(report.latency_ms.p50)},
+                          {"sensor to wire state, p99", MsText(report.latency_ms.p99)}});
 }
 
 }  // namespace

@@ -102,8 +102,10 @@ class SessionCourse {
   const Series& tip_speed_mm_s() const { return tip_speed_mm_s_; }
   double tip_path_mm() const { return tip_path_mm_; }  ///< in steps of kPathStepMm
   double peak_speed_mm_s() const { return peak_speed_mm_s_; }
-  /// Mean tip speed, mm/s, over the time in which the tip moved; 0 if it never moved.
-  double moving_speed_mm_s() const { return moving_s_ > 0 ? moving_mm_ / moving_s_ : 0; }
+  /// Mean tip speed, mm/s, over the time in which the tip moved; empty if it never did.
+  std::optional<double> moving_speed_mm_s() const {
+    return moving_s_ > 0 ? std::optional(moving_mm_ / moving_s_) : std::nullopt;
+  }
   /// Positions of the tip, evenly spaced along its path; at most kMostPathPoints.
   const std::vector<Eigen::Vector3d>& tip_way_mm() const { return tip_way_mm_; }
   const SolverHealth& solver() const { return solver_; }

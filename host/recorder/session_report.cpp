@@ -266,22 +266,24 @@ void SessionReporter::Add(const torquer_lcm::hand_motion_t& truth) {
 }
 
 void SessionReporter::CountReports(const Channel& channel, InstrumentReport& report) {
-  const auto counter = [&channel](const std::string& name) {
+  const auto counter = [&channel](const std::string& name) -> std::optional<std::int64_t> {
     const auto found = channel.daemon_counters.find(name);
-    return found == channel.daemon_counters.end() ? -1 : found->second;
+    if (found == channel.daemon_counters.end() || found->second < 0) return std::nullopt;
+    return found->second;
   };
   // The device numbers all sampled frames; the emulator counts only reports that the host fetched.
   // The emulator's count is from the time of the daemon's last counters or slightly earlier, never
   // later. A later count would turn reports that the daemon had yet to count into losses.
-  const std::int64_t gaps = counter("reports_lost");
+  const std::optional<std::int64_t> gaps = counter("reports_lost");
   report.reports_received = counter("reports_received");
   report.reports_lost = gaps;
-  if (channel.truth && report.reports_received >= 0) {
-    const std::int64_t lost_on_the_way =
-        std::max<std::int64_t>(Difference(channel.truth->reports_sent, report.reports_received), 0);
-    report.reports_unfetched = std::max<std::int64_t>(Difference(gaps, lost_on_the_way), 0);
-    report.reports_lost = Sum(lost_on_the_way, report.reports_unfetched);
-    report.reports_sent = Sum(report.reports_received, report.reports_lost);
+  if (channel.truth && report.reports_received && gaps) {
+    const std::int64_t lost_on_the_way = std::max<std::int64_t>(
+        Difference(channel.truth->reports_sent, *report.reports_received), 0);
+    const std::int64_t unfetched = std::max<std::int64_t>(Difference(*gaps, lost_on_the_way), 0);
+    report.reports_unfetched = unfetched;
+    report.reports_lost = Sum(lost_on_the_way, unfetched);
+    report.reports_sent = Sum(*report.reports_received, *report.reports_lost);
   }
 }
 
@@ -327,7 +329,7 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
                                                              late ? *channel.first_healed_um : 0));
   }
   const Eigen::Vector2d error_counts =
-      per_count.inverse() * (wire - hand - Eigen::Vector2d(report.healed_mm, 0));
+      per_count.inverse() * (wire - hand - Eigen::Vector2d(report.healed_mm.value_or(0), 0));
   report.axial.hand = hand[0];
   report.axial.wire = wire[0];
   report.axial.error_counts = std::abs(error_counts[0]);

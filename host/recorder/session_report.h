@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -17,13 +18,13 @@
 
 namespace torquer {
 
-/// Order statistics of a set of measurements; all 0 when there are none.
+/// Order statistics of a set of measurements; NaN when there are none.
 struct Distribution {
   std::int64_t count = 0;
-  double p50 = 0;
-  double p99 = 0;
-  double p999 = 0;
-  double max = 0;
+  double p50 = std::numeric_limits<double>::quiet_NaN();
+  double p99 = std::numeric_limits<double>::quiet_NaN();
+  double p999 = std::numeric_limits<double>::quiet_NaN();
+  double max = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Computes nearest-rank order statistics of `values` and reorders them.
@@ -41,23 +42,23 @@ struct MotionAgreement {
 /// Allowed difference between wire and hand in counts: the resolution of the sensor.
 inline constexpr double kMotionToleranceCounts = 1.0;
 
-/// Instrument and the device that drove it. A value of -1 is unknown.
+/// Instrument and the device that drove it. Empty values are not known.
 struct InstrumentReport {
   std::string name;
-  std::string device;                  ///< serial number; empty: no device drove it
-  std::int64_t reports_sent = -1;      ///< made by the device, according to the emulator
-  std::int64_t reports_received = -1;  ///< received by the daemon, according to its health
-  std::int64_t reports_lost = -1;      ///< sent less received; otherwise gaps in their numbers
-  std::int64_t reports_unfetched =
-      0;  ///< of the lost: replaced by the next report before the host fetched it
-  std::int64_t samples = 0;   ///< in the log
-  std::int64_t resets = 0;    ///< restarts of the device, by its samples
-  std::int64_t commands = 0;  ///< in the log
-  double duration_s = 0;      ///< from its first sample to its last
-  double healed_mm = 0;       ///< lost motion that was corrected at the end switch
-  MotionAgreement axial;      ///< counts, mm
-  MotionAgreement rotation;   ///< counts, rad
-  Distribution latency_ms;    ///< from hand motion to publishing of the first state with it
+  std::string device;                            ///< serial number; empty: no device drove it
+  std::optional<std::int64_t> reports_sent;      ///< made by the device, by the emulator's count
+  std::optional<std::int64_t> reports_received;  ///< received by the daemon, by its health
+  std::optional<std::int64_t> reports_lost;      ///< sent less received, or gaps in their numbers
+  /// Lost reports that the next one replaced before the host fetched them, by the emulator's count.
+  std::optional<std::int64_t> reports_unfetched;
+  std::int64_t samples = 0;         ///< in the log
+  std::int64_t resets = 0;          ///< restarts of the device, by its samples
+  std::int64_t commands = 0;        ///< in the log
+  double duration_s = 0;            ///< from its first sample to its last
+  std::optional<double> healed_mm;  ///< lost motion that was corrected at the end switch
+  MotionAgreement axial;            ///< counts, mm
+  MotionAgreement rotation;         ///< counts, rad
+  Distribution latency_ms;          ///< from hand motion to publishing of the first state with it
 
   bool driven() const { return !device.empty(); }
   /// No report was lost, and the instrument went where the hand went.

@@ -75,7 +75,7 @@ TEST_CASE("The course has way, speed and reversals of a motion that is known") {
   CHECK(course.tip_path_mm() == Approx(40 + 5 + 40).margin(3 * SessionCourse::kPathStepMm));
   CHECK(course.peak_speed_mm_s() == Approx(20).epsilon(1e-3));
   // 85 mm in the 7 s of motion; the tremor increases both a little.
-  CHECK(course.moving_speed_mm_s() == Approx(85.0 / 7).epsilon(0.15));
+  CHECK(course.moving_speed_mm_s().value() == Approx(85.0 / 7).epsilon(0.15));
   CHECK(course.begin_s() == 0);
   CHECK(course.end_s() == Approx(8));
   CHECK(course.tip_way_mm().size() == Approx(85 / 0.5).margin(8));

@@ -160,6 +160,10 @@ TEST_CASE("An unknown result is shown as unknown, never as 0") {
   std::string page = FormatPage(report, PagePartsOfCourse());
   CHECK_THAT(page, Catch::Contains("Target reached; safety not known") &&
                        Catch::Contains("class=\"verdict open\"") && !Catch::Contains("not safely"));
+  SetReading(report, "target_reached_s", unknown);
+  page = FormatPage(report, PagePartsOfCourse());
+  CHECK_THAT(page, Catch::Contains("reached the target; the time is not known.") &&
+                       Row("Target: 95 mm along lad", "reached; time not known"));
   for (const char* name : {"wall_force_largest_ever_mN", "wall_force_events", "wall_force_above_s",
                            "wall_tip_pressure_ever_kPa", "tip_path_mm", "wrong_vessel_entries",
                            "target_reached", "target_reached_s"}) {

@@ -176,6 +176,39 @@ TEST_CASE("Report, page and summary have the verdict on each pass mark") {
   CHECK(read.marks[3].passed == true);
 }
 
+TEST_CASE("A mark whose value is not known is null in JSON and summary, and no verdict in text") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("marks.toml");
+  WriteMarks(path, kMarksOfTrainer);
+  SessionReport report = MarkedReport(41, kUnknown, 0);
+  report.marks = Compared(path, report);
+  const nlohmann::json null;
+  const auto json = nlohmann::json::parse(FormatReportJson(report, "", ""));
+  CHECK(json.at("passed") == null);
+  CHECK(json["marks"][2] ==
+        nlohmann::json(
+            {{"name", "largest_force_mN"}, {"at_most", 300}, {"value", null}, {"passed", null}}));
+  CHECK(json["marks"][3].at("passed") == true);
+  CHECK_THAT(
+      FormatReport(report),
+      Catch::Contains("pass marks   not known, by ") &&
+          Catch::Contains("Largest force on the wall: not known; at most 300 mN: not known\n"));
+  CHECK_THAT(FormatPage(report, {}),
+             Catch::Contains("<td>Largest force on the wall</td><td class=\"number\">not known</td>"
+                             "<td>at most 300 mN</td><td>not known</td>"));
+
+  const auto summary = nlohmann::json::parse(FormatSummary(Summarize(report)));
+  CHECK(summary.at("passed") == null);
+  CHECK(summary["marks"][2] ==
+        nlohmann::json({{"name", "largest_force_mN"}, {"value", null}, {"passed", null}}));
+  WriteMarks(folder.Path("a.session.json"), summary.dump());
+  const SessionSummary read = ReadSummary(folder.Path("a.session.json"));
+  CHECK_FALSE(read.passed);
+  CHECK_FALSE(read.marks.at(2).value);
+  CHECK_FALSE(read.marks[2].passed);
+  CHECK(read.marks[3].passed == true);
+}
+
 TEST_CASE("Pass marks that are shipped belong to a scene, which measures them") {
   CHECK(PassMarksPath("host/scenes/neuro_arch.toml") == "host/scenes/pass_marks/neuro_arch.toml");
   int files = 0;

@@ -199,7 +199,7 @@ TEST_CASE("The report notes a machine that is too slow for real time") {
   report.instruments[0].duration_s = 1.5;
   CHECK_THAT(FormatReport(report), hint && Catch::Contains("device's 0:01.0 min took 0:01.5 min"));
   // Without an emulator the number of sent reports is unknown.
-  report.instruments[0].reports_sent = -1;
+  report.instruments[0].reports_sent.reset();
   CHECK_THAT(FormatReport(report), !hint);
 }
 
@@ -210,9 +210,6 @@ TEST_CASE("A lost report is counted, by the emulator's count or by the report nu
   CHECK_FALSE(Wire(faults).Good());
   CHECK_FALSE(Report(faults).Good());
   faults.without_emulator = true;
-  CHECK(Wire(faults).reports_sent == -1);
-  const std::string json = FormatReportJson(Report(faults), "", "");
-  CHECK_THAT(json, Catch::Contains("\"reports_sent\":null"));
   CHECK(Wire(faults).reports_lost == 3);
 }
 
@@ -224,7 +221,7 @@ TEST_CASE("A report that the daemon did not fetch is lost too, and counted apart
   const InstrumentReport& wire = report.instruments.at(0);
   CHECK(wire.reports_unfetched == 3);
   CHECK(wire.reports_lost == 5);
-  CHECK(wire.reports_sent == wire.reports_received + 5);
+  CHECK(wire.reports_sent == wire.reports_received.value() + 5);
   CHECK_THAT(FormatReport(report), Catch::Contains("5 lost") && Catch::Contains("3 of the lost"));
   CHECK_FALSE(report.Good());
   // Only the emulator can report which lost reports were not fetched.
@@ -303,12 +300,6 @@ TEST_CASE("A device that restarts is reported as that, and not as a slow machine
   CHECK_THAT(FormatReport(Report({})), !Catch::Contains("restarted"));
 }
 
-TEST_CASE("Latency is not computed between the clocks of two machines") {
-  SessionFaults faults;
-  faults.foreign_clock = true;
-  CHECK(Wire(faults).latency_ms.count == 0);
-}
-
 TEST_CASE("A state that was published again at rest counts once") {
   SessionFaults faults;
   faults.repeated_states = true;
@@ -356,7 +347,7 @@ TEST_CASE("A log that is cut anywhere accuses neither the device nor the instrum
     report.damage = summary.damage;
     CHECK_FALSE(report.ended);
     const InstrumentReport& wire = report.instruments.at(0);
-    CHECK(wire.reports_lost <= 0);  // unknown before the daemon's first counts
+    CHECK(wire.reports_lost.value_or(0) == 0);  // unknown before the daemon's first counts
     CHECK(wire.axial.error_counts < 0.01);
     CHECK(wire.rotation.error_counts < 0.01);
     CHECK(report.Good() == (wire.reports_lost == 0 && !report.damage.cut));
@@ -432,4 +423,5 @@ TEST_CASE("Order statistics are by nearest rank") {
   CHECK(Distribute(one).p99 == 4);
   std::vector<double> none;
   CHECK(Distribute(none).count == 0);
+  CHECK(std::isnan(Distribute(none).p50));
 }

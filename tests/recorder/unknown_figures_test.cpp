@@ -30,8 +30,7 @@ SessionReport ReportWithFaults(const SessionFaults& faults, bool health = true) 
   });
 }
 
-// The fields of an instrument in the JSON of a report: those with these names are null, all others
-// are not.
+// Checks that in the JSON of a report these fields of an instrument are null, and all others known.
 void CheckUnknown(const SessionReport& report, std::size_t instrument,
                   std::initializer_list<const char*> names) {
   const auto json =
