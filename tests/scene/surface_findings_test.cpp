@@ -10,17 +10,30 @@
 
 namespace {
 
-// Findings on a curve that begins `before_mm` before the end of its tube.
-std::string FindingsOn(double before_mm, double radius_mm = 3, double first_mm = 3) {
+// A curve in a tube of radius 3 mm that reaches from the origin to (40, 0, 0) mm.
+struct MadeCurve {
+  double begin_mm = 0;
+  double end_mm = 30;
+  double radius_mm = 3;
+  double first_radius_mm = 3;
+  std::string surface_comment = "";  // first line of the surface file
+  std::string system = "";           // coordinateSystem of the curve
+};
+
+std::string FindingsOn(const MadeCurve& curve) {
   const torquer::test::TemporaryFolder folder;
-  torquer::vessel::WriteObj(folder.Path("tube.obj"),
+  torquer::vessel::WriteObj(folder.Path("plain.obj"),
                             torquer::vessel::MakeTubeMesh(40, 12, 40, [](double) { return 3.0; }));
+  std::ofstream(folder.Path("tube.obj")) << curve.surface_comment << "\n"
+                                         << std::ifstream(folder.Path("plain.obj")).rdbuf();
   std::filesystem::create_directories(folder.Path("curves"));
   std::ofstream(folder.Path("curves/main.mrk.json"))
-      << R"({"markups": [{"type": "Curve", "controlPoints": [{"position": [)" << -before_mm
-      << R"(, 0, 0]}, {"position": [30, 0, 0]}], "measurements": )"
-      << R"([{"name": "Radius", "controlPointValues": [)" << first_mm << ", " << radius_mm
-      << "]}]}]}";
+      << R"({"markups": [{"type": "Curve", )"
+      << (curve.system.empty() ? "" : "\"coordinateSystem\": \"" + curve.system + "\", ")
+      << R"("controlPoints": [{"position": [)" << curve.begin_mm << R"(, 0, 0]}, {"position": [)"
+      << curve.end_mm << R"(, 0, 0]}], "measurements": )"
+      << R"([{"name": "Radius", "controlPointValues": [)" << curve.first_radius_mm << ", "
+      << curve.radius_mm << "]}]}]}";
   std::ofstream(folder.Path("test.toml")) << R"(name = "test"
 [vessel]
 kind = "surface"
@@ -43,6 +56,11 @@ rigidity_N_mm2 = 6.35e-3
     if (finding.find("run outside") != std::string::npos) all += finding;
   }
   return all;
+}
+
+// Findings on a curve that begins `before_mm` before the end of its tube.
+std::string FindingsOn(double before_mm, double radius_mm = 3, double first_mm = 3) {
+  return FindingsOn({.begin_mm = -before_mm, .radius_mm = radius_mm, .first_radius_mm = first_mm});
 }
 
 }  // namespace
@@ -78,4 +96,23 @@ TEST_CASE("A radius in the wrong unit is refused by the room in the surface", "[
       Catch::Contains("the Radius 1.0 mm") &&
           Catch::Contains("is 0.3097 mm, the largest of all, but the wall is up to 2.") &&
           Catch::Contains("name the unit of the radii in \"units\""));
+}
+
+TEST_CASE("Curves in the other system of patients are refused if the surface names none",
+          "[scene]") {
+  MadeCurve curve{.begin_mm = 0, .end_mm = -30, .system = "LPS"};
+  CHECK_THROWS_WITH(
+      FindingsOn(curve),
+      Catch::Contains("test.toml:") &&
+          Catch::Contains(
+              "curves: 0 % of the centerlines' length lies in the lumen, but 97 % with the other "
+              "signs of x and y") &&
+          Catch::Contains("SPACE=LPS or SPACE=RAS in a comment at the beginning of the surface"));
+  // The remedy of the message.
+  curve.surface_comment = "# SPACE=RAS";
+  CHECK(FindingsOn(curve).empty());
+  curve.system = "";
+  CHECK_THROWS_WITH(FindingsOn(curve), Catch::Contains("\"coordinateSystem\" in the curves"));
+  // Most of this curve lies in the lumen, so it is in the right system.
+  CHECK_FALSE(FindingsOn({.begin_mm = -25, .end_mm = 30}).empty());
 }

@@ -35,6 +35,9 @@ TEST_CASE("a surface's faults are counted, and its unit is guessed") {
   CHECK_FALSE(huge.unit);
   CHECK_THAT(huge.refusal, Contains("not the size of a vessel"));
   CHECK_THAT(DescribeCheck(huge), Contains("not the size of a vessel in any unit"));
+  // In nm the surface also lies far from the origin, but to move it there would not help.
+  CHECK_THAT(CheckOf(MakeTubeMesh(), 1e6).refusal,
+             Contains("not the size of a vessel") && Contains("scale it to millimeters"));
 
   TriangleMesh bad = MakeClosedTube();
   std::swap(bad.triangles[100][0], bad.triangles[100][1]);

@@ -77,6 +77,22 @@ LumenReport CheckPlace(const ClearanceField& field, const CenterlineNetwork& cen
   return report;
 }
 
+SharesInside FindSharesInside(const CenterlineNetwork& network, const DistanceSource& surface) {
+  SharesInside inside;
+  double points = 0;
+  for (const Centerline& curve : network.curves()) {
+    for (double s_mm = 0; s_mm <= curve.length_mm(); s_mm += 1) {
+      const Vector3d at = curve.At(s_mm).position_mm;
+      ++points;
+      inside.as_given += surface.Distance(at) > 0 ? 1 : 0;
+      inside.turned += surface.Distance({-at.x(), -at.y(), at.z()}) > 0 ? 1 : 0;
+    }
+  }
+  inside.as_given /= std::max(points, 1.0);
+  inside.turned /= std::max(points, 1.0);
+  return inside;
+}
+
 std::optional<WrongRadius> FindWrongRadius(const CenterlineNetwork& network,
                                            const DistanceSource& surface) {
   constexpr double kFactor = 5;

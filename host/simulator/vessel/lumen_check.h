@@ -1,4 +1,4 @@
-// Lumen check: decides if a wire can begin at a place, and if radii of centerlines fit the surface.
+// Lumen check: decides if a wire can begin at a place, and if centerlines fit the surface.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,6 +30,18 @@ struct LumenReport {
 LumenReport CheckPlace(const ClearanceField& field, const CenterlineNetwork& centerlines,
                        const Eigen::Vector3d& point_mm, const Eigen::Vector3d& direction,
                        double wire_radius_mm);
+
+/// Shares of a network's length in the lumen of a surface, 0 to 1.
+struct SharesInside {
+  double as_given = 0;
+  double turned = 0;  ///< with the other signs of x and y, as between LPS and RAS
+  /// True if the network is in the other coordinate system of patients. Most of it lies outside
+  /// then, and nearly all of it inside if it is turned.
+  bool IsInOtherSpace() const { return as_given < 0.5 && turned > 0.9; }
+};
+
+/// Looks at points each millimeter.
+SharesInside FindSharesInside(const CenterlineNetwork& network, const DistanceSource& surface);
 
 /// Radii of a network that do not fit its vessel, as after an error of their unit.
 struct WrongRadius {

@@ -124,16 +124,17 @@ std::optional<MeshUnit> GuessUnit(const TriangleMesh& file) {
 
 void CheckSize(const TriangleMesh& mesh, const std::string& name, MeshUnit unit) {
   const Eigen::AlignedBox3d box = mesh.Bounds();
-  const double far_mm = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
-  if (far_mm > kFarthestMm) {
-    throw UserError(name + ": the surface lies " + Number(far_mm) +
-                    " mm from the origin, and coordinates beyond 1 km are too coarse for a vessel; "
-                    "move it to the origin");
+  // The size first: in another unit the distance from the origin is another one, too.
+  if (!IsVessel(box.diagonal().norm())) {
+    throw UserError(name + ": the surface is " + Sizes(box.sizes()) +
+                    " mm, which is not the size of a vessel (diagonal 5 to 4000 mm); " +
+                    OtherUnits(box.sizes() / UnitOf(unit).mm));
   }
-  if (IsVessel(box.diagonal().norm())) return;
-  throw UserError(name + ": the surface is " + Sizes(box.sizes()) +
-                  " mm, which is not the size of a vessel (diagonal 5 to 4000 mm); " +
-                  OtherUnits(box.sizes() / UnitOf(unit).mm));
+  const double far_mm = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
+  if (far_mm <= kFarthestMm) return;
+  throw UserError(name + ": the surface lies " + Number(far_mm) +
+                  " mm from the origin, and coordinates beyond 1 km are too coarse for a vessel; "
+                  "move it to the origin");
 }
 
 double WeldToleranceMm(const TriangleMesh& mesh) {

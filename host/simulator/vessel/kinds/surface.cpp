@@ -77,6 +77,19 @@ void RefuseWrongRadii(const Vessel& vessel, const std::string& folder) {
       folder, found->curve, found->at_mm, at.x(), at.y(), at.z(), found->radius_mm, misfit));
 }
 
+void RefuseOtherSpace(const Vessel& vessel, const std::string& folder) {
+  const SharesInside inside = FindSharesInside(vessel.centerlines, vessel.surface->surface());
+  if (!inside.IsInOtherSpace()) return;
+  throw UserError(fmt::format(
+      "{}: {:.0f} % of the centerlines' length lies in the lumen, but {:.0f} % with the other "
+      "signs "
+      "of x and y; so one is in LPS and the other in RAS. Name the space of each: SPACE=LPS or "
+      "SPACE=RAS in a comment at the beginning of the surface file, and \"coordinateSystem\" in "
+      "the "
+      "curves",
+      folder, 100 * inside.as_given, 100 * inside.turned));
+}
+
 // One finding for all curves.
 void ReportStretchesOutside(Vessel& vessel) {
   std::vector<std::pair<std::string, std::string>> curves;  // name, stretches
@@ -108,6 +121,7 @@ void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folde
     vessel.centerlines =
         ParseSlicerCurves(files, SpaceOfSurface(vessel.contents.front()), &vessel.findings);
     for (CurveFile& file : files) vessel.contents.push_back(std::move(file.contents));
+    RefuseOtherSpace(vessel, (folder / *spec.centerlines).string());
     RefuseWrongRadii(vessel, (folder / *spec.centerlines).string());
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
