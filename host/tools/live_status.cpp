@@ -153,6 +153,18 @@ std::string LiveStatus::Devices(std::int64_t now_us) const {
   return text;
 }
 
+// The reports that all daemons lost; "-" if that is not known.
+std::string LiveStatus::ReportsLost() const {
+  std::int64_t lost = 0;
+  bool all = !daemons_.empty();
+  for (const auto& [instrument, daemon] : daemons_) {
+    lost += daemon.reports_lost.value_or(0);
+    all = all && daemon.reports_lost;
+  }
+  if (all) return std::to_string(lost);
+  return lost > 0 ? fmt::format("at least {}", lost) : "-";
+}
+
 std::string LiveStatus::Instruments(std::int64_t now_us) const {
   if (!state_) return " | no wire yet";
   std::string text;
@@ -214,10 +226,8 @@ std::string LiveStatus::Line(double interval_s, std::int64_t now_us) {
   // The most important data comes first: a narrow terminal leaves out the end.
   const std::string conflict = simulators_.Conflict(now_us);
   std::string line = (conflict.empty() ? scene_ : conflict) + Instruments(now_us);
-  std::int64_t lost = 0;
-  for (const auto& [instrument, daemon] : daemons_) lost += daemon.reports_lost;
   line += fmt::format(" | {} | {:.0f} reports/s, {} lost | {:.0f} states/s, {}", Devices(now_us),
-                      static_cast<double>(samples_) / interval_s, lost,
+                      static_cast<double>(samples_) / interval_s, ReportsLost(),
                       static_cast<double>(states_) / interval_s, LatencyText(latencies_ms_));
   if (state_) {
     line +=
@@ -225,7 +235,7 @@ std::string LiveStatus::Line(double interval_s, std::int64_t now_us) {
   }
   samples_ = 0;
   states_ = 0;
-  max_penetration_um_ = 0;
+  if (state_) max_penetration_um_ = state_->max_penetration_um;
   latencies_ms_.clear();
   return line;
 }

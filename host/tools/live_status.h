@@ -58,12 +58,13 @@ class LiveStatus {
  private:
   struct Daemon {
     std::string state;
-    std::int64_t reports_lost = 0;
+    std::optional<std::int64_t> reports_lost;  // none: not reported yet
     std::int64_t heard_us = 0;
   };
 
   bool HasInstrument(const std::string& name) const;
   std::string Devices(std::int64_t now_us) const;
+  std::string ReportsLost() const;
   std::string Instruments(std::int64_t now_us) const;
 
   std::int64_t clock_id_;
@@ -74,7 +75,7 @@ class LiveStatus {
   std::int64_t states_ = 0;
   std::map<std::string, std::int64_t> command_sequences_;  // newest in a state, by instrument
   std::vector<double> latencies_ms_;
-  double max_penetration_um_ = 0;
+  double max_penetration_um_ = 0;  // since the last line, and of the state before it
   std::optional<torquer_lcm::wire_state_t> state_;
   std::int64_t state_heard_us_ = 0;
   std::map<std::string, double> readings_;

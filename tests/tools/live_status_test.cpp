@@ -56,7 +56,7 @@ TEST_CASE("The line has place, status, device, rates, latency, residual and pene
         "8 states/s, latency 2.00 ms (worst 9.00) | residual 2.0e-06, wall 50.0 um");
   CHECK_THAT(status.Line(0.5, kNowUs), Catch::Contains("0 reports/s") &&
                                            Catch::Contains("latency -") &&
-                                           Catch::Contains("wall 0.0 um"));
+                                           Catch::Contains("wall 50.0 um"));
 }
 
 TEST_CASE("Latency by another machine's clock is left out") {
@@ -112,7 +112,7 @@ TEST_CASE("An instrument that leaves the model is reported, and the line shows i
 TEST_CASE("A silent bus is reported") {
   tools::LiveStatus status(7);
   CHECK(status.Line(1, kNowUs) ==
-        "no scene | no wire yet | device no daemon | 0 reports/s, 0 lost | 0 states/s, latency -");
+        "no scene | no wire yet | device no daemon | 0 reports/s, - lost | 0 states/s, latency -");
 }
 
 TEST_CASE("The line has every instrument with its latency") {
@@ -161,6 +161,13 @@ TEST_CASE("The line has every daemon, and messages name their daemon") {
   CHECK_THAT(status.Line(1, kNowUs),
              Catch::Contains("| devices catheter waiting for device, guidewire "
                              "running | 0 reports/s, 7 lost"));
+  // A daemon that has just started has no counts.
+  torquer_lcm::health_t started{};
+  started.process = "daemon";
+  started.instrument = "sheath";
+  started.state = "running";
+  status.Add(started, kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("reports/s, at least 7 lost"));
   health.process = "emulator";
   health.instrument = "";
   health.device = "BOX-2";

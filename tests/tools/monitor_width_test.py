@@ -15,7 +15,7 @@ import time
 
 PRIVATE_NETWORK = str(pathlib.Path(__file__).parents[2] / "host" / "bus" / "private_network")
 FAR_S = 30  # until a wait fails
-FULL = "no scene | no wire yet | device no daemon | 0 reports/s, 0 lost | 0 states/s, latency -"
+FULL = "no scene | no wire yet | device no daemon | 0 reports/s, - lost | 0 states/s, latency -"
 
 
 def set_width(terminal, columns):
