@@ -137,6 +137,14 @@ std::vector<std::string> PageFigures::Doubts() const {
     doubts.push_back("The simulation had not settled for " + SecondsText(unsettled_s) +
                      "; forces of that time are not counted.");
   }
+  const std::optional<double> error_mm = Reading("segment_error_largest_ever_mm");
+  if (error_mm && limits_.target_radius_mm && *error_mm > *limits_.target_radius_mm) {
+    doubts.push_back(
+        fmt::format("With shorter segments the wire may lie up to {} mm elsewhere (an estimate), "
+                    "and the target "
+                    "has a radius of {:g} mm. So the target and the way may be judged otherwise.",
+                    ValueText(*error_mm), *limits_.target_radius_mm));
+  }
   return doubts;
 }
 
@@ -314,6 +322,11 @@ std::vector<PageRow> PageFigures::Solver() const {
       {"Time for a tick",
        fmt::format("{} &#xb5;s median, {} &#xb5;s 99th percentile", ValueText(report_.solve_us.p50),
                    ValueText(report_.solve_us.p99))}};
+  if (report_.Has("segment_error")) {
+    const std::optional<double> error_mm = Reading("segment_error_largest_ever_mm");
+    rows.push_back({"Largest error by the segments, an estimate",
+                    error_mm ? ValueText(*error_mm) + " mm" : "not known"});
+  }
   // Scenes without the effect do not look for it.
   if (const auto events = Reading("left_model_events")) {
     rows.push_back({"Left the model at an outlet, and was held there",

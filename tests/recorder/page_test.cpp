@@ -216,6 +216,24 @@ TEST_CASE("The page names the causes of doubtful figures") {
   CHECK_THAT(FormatPage(report, parts), Catch::Contains("lost 4 reports"));
 }
 
+TEST_CASE("An error by the segments beyond the target's radius puts the result in doubt") {
+  SessionReport report = PageReport(true);
+  PageParts parts = PagePartsOfCourse();
+  REQUIRE(parts.limits.target_radius_mm);
+  const auto note = Catch::Contains("With shorter segments the wire may lie up to ");
+  const std::string row = "Largest error by the segments, an estimate";
+  CHECK_THAT(FormatPage(report, parts), !note && !Catch::Contains(row));
+  report.description.effects.emplace_back("segment_error");
+  report.readings.names.emplace_back("segment_error_largest_ever_mm");
+  report.readings.values.push_back(0.9 * *parts.limits.target_radius_mm);
+  CHECK_THAT(FormatPage(report, parts), !note);
+  report.readings.values.back() = 4.25;
+  CHECK_THAT(FormatPage(report, parts),
+             Catch::Contains("may lie up to 4.25 mm elsewhere") && Row(row, "4.25 mm"));
+  report.readings.values.back() = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THAT(FormatPage(report, parts), !note && Row(row, "not known"));
+}
+
 TEST_CASE("Every figure in the tables has a unit") {
   SessionReport report = PageReport(true);
   PageParts parts = PagePartsOfCourse();
