@@ -77,6 +77,7 @@ test("every effect of the scene has its price, and effects that are not simulate
   });
   await page.keyboard.up("ArrowUp");
   for (const effect of effects) assert.match(priced[effect.replaceAll("_", " ")] ?? "", /^([\d.e−]+ µs|part of wire and wall)$/, effect);
+  for (const effect of ["torsion", "clearance", "self contact", "heartbeat"]) assert.equal(priced[effect], "part of wire and wall", effect);
   assert.match(priced["wire and wall"], /^\d.* µs$/);
   assert.match(priced["X-ray picture, beside the ticks"], /^\d.* ms$/);
   assert.ok(off.includes("point_load") && !off.some((name) => effects.includes(name)));

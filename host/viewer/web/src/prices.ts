@@ -4,8 +4,8 @@ import { element, Rows, setText, short } from "./dom.js";
 import type { Health, Scene } from "./frames.js";
 
 const PRICE = /^price_(.+)_ns$/;
-// These effects act inside the solver's look-ups of the vessel, so their time is part of the solver's.
-const WITHIN = new Set(["heartbeat", "breathing", "compliance", "torsion"]);
+// These effects act in the solver's look-ups of the vessel, or in its unknowns. So their time is part of the solver's.
+const WITHIN = new Set(["heartbeat", "breathing", "compliance", "torsion", "clearance", "self_contact"]);
 
 export class Prices {
   private readonly rows = new Rows(element("#prices dl"));
