@@ -214,7 +214,7 @@ TEST_CASE("A copy keeps the blood that Windkessels store", "[api]") {
 
 TEST_CASE("Instruments that twist within each other are copied within a tick", "[api]") {
   const Scene scene = ShippedWith("triaxial", "[effects.gravity]\n",
-                                  "[effects.torsion]\n[effects.friction_between]\ncoefficient = "
+                                  "[effects.friction_between]\ncoefficient = "
                                   "0.1\n[relaxation]\nbudget_units = 3\n");
   CheckCopiesOnTheWay(scene, kUnderSanitizer ? 3 : 20);
 }

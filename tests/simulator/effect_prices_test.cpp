@@ -116,6 +116,13 @@ std::string Shipped(const std::string& name) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
+std::string WithoutTorsion(std::string text) {
+  const std::string torsion = "[effects.torsion]\n";
+  const std::size_t place = text.find(torsion);
+  REQUIRE(place != std::string::npos);
+  return text.erase(place, torsion.size());
+}
+
 // Two instruments on one curve, or with room, that twist and slide in each other.
 std::string Nested(const std::string& effects) {
   return "name = \"nested\"\n[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 0.5\n"
@@ -133,9 +140,9 @@ std::string Nested(const std::string& effects) {
 }  // namespace
 
 TEST_CASE("Measuring prices does not change the simulation", "[simulator]") {
-  const std::string text = GENERATE(Shipped("calcified"), Shipped("buddy_wire"),
-                                    Shipped("buddy_wire") + "[effects.torsion]\n", Nested(""),
-                                    Nested("[effects.clearance]\n"), Nested("[effects.inertia]\n"));
+  const std::string text =
+      GENERATE(Shipped("calcified"), Shipped("buddy_wire"), WithoutTorsion(Shipped("buddy_wire")),
+               Nested(""), Nested("[effects.clearance]\n"), Nested("[effects.inertia]\n"));
   const torquer::test::TemporaryFolder folder;
   const std::string path = folder.Path("scene.toml");
   std::ofstream(path) << text;
