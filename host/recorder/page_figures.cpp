@@ -232,16 +232,22 @@ std::vector<PageRow> PageFigures::Radiation() const {
   if (const auto pulses = Reading("xray_pulses")) {
     rows.push_back({"X-ray pulses", fmt::format("{:.0f} pulses", *pulses)});
   }
-  if (const auto kerma = Reading("air_kerma_mGy")) {
-    rows.push_back({"Air kerma at the reference point", ValueText(*kerma) + " mGy"});
-  }
+  const auto dose = [&](const char* label, const char* name, const char* unit) {
+    const std::optional<double> sum = FindOverPlanes(report_.readings, name);
+    if (!sum) return;
+    std::string text = ValueText(*sum) + unit;
+    if (const auto second = FindReading(report_.readings, std::string("lateral_") + name)) {
+      text +=
+          fmt::format(": plane A {}, plane B {}", ValueText(*Reading(name)), ValueText(*second));
+    }
+    rows.push_back({label, std::move(text)});
+  };
+  dose("Air kerma at the reference point", "air_kerma_mGy", " mGy");
   if (now_.air_kerma_mGy_min) {
     rows.push_back(
         {"Its mean rate with the pedal down", ValueText(*now_.air_kerma_mGy_min) + " mGy/min"});
   }
-  if (const auto kerma_area = Reading("kerma_area_Gy_cm2")) {
-    rows.push_back({"Kerma-area product", ValueText(*kerma_area) + " Gy cm&#xb2;"});
-  }
+  dose("Kerma-area product", "kerma_area_Gy_cm2", " Gy cm&#xb2;");
   if (now_.contrast_mL) {
     std::string injected = ValueText(*now_.contrast_mL) + " mL";
     if (const auto limit_mL = Reading("contrast_limit_mL")) {

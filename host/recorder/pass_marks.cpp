@@ -135,7 +135,7 @@ void CompareMarks(const SessionReport& report, MarkSheet& sheet) {
   const bool all_converged =
       FindReading(report.readings, "wall_force_unconverged_s").value_or(0) == 0;
   for (Mark& mark : sheet.marks) {
-    mark.value = FindReading(report.readings, mark.reading);
+    mark.value = FindOverPlanes(report.readings, mark.reading);
     if (mark.value) JudgeMark(mark, !all_converged && IsOfConvergedTicks(mark));
     if (bus::NeverHappened(report.readings, mark.reading)) JudgeMissed(mark);
   }

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "host/bus/message_check.h"
+#include "host/recorder/find_reading.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 #include "torquer_lcm/instrument_command_t.hpp"
@@ -113,15 +114,10 @@ bool ScreenCourse::TakeCommand(const LogRecord& record, std::int64_t time_us) {
 bool ScreenCourse::TakeReadings(const LogRecord& record, std::int64_t time_us) {
   torquer_lcm::readings_t message;
   if (!Decode(record.data, message)) return false;
-  Readings readings{.time_us = time_us};
-  for (std::size_t i = 0; i < message.names.size(); ++i) {
-    const double value = message.values[i];
-    if (!std::isfinite(value)) continue;
-    if (message.names[i] == "fluoroscopy_s") readings.fluoroscopy_s = value;
-    if (message.names[i] == "air_kerma_mGy") readings.air_kerma_mGy = value;
-    if (message.names[i] == "contrast_injected_mL") readings.contrast_mL = value;
-  }
-  readings_.push_back(readings);
+  readings_.push_back({.time_us = time_us,
+                       .fluoroscopy_s = FindReading(message, "fluoroscopy_s"),
+                       .air_kerma_mGy = FindOverPlanes(message, "air_kerma_mGy"),
+                       .contrast_mL = FindReading(message, "contrast_injected_mL")});
   return true;
 }
 

@@ -25,10 +25,10 @@ struct ScreenMoment {
   std::array<ScreenPlane, 2> planes;  ///< the second is used by a biplane system only
   bool xray = false;                  ///< the pedal is down
   std::string scene;                  ///< name of the scene in the log
-  /// Newest readings; negative if the scene does not publish the value.
-  double fluoroscopy_s = -1;
-  double air_kerma_mGy = -1;
-  double contrast_mL = -1;
+  /// Newest readings; nullopt if they are unknown, or if the scene does not publish them.
+  std::optional<double> fluoroscopy_s;
+  std::optional<double> air_kerma_mGy;  ///< over all planes
+  std::optional<double> contrast_mL;
 };
 
 /// Index of a log. The pictures stay in the file.
@@ -75,7 +75,7 @@ class ScreenCourse {
   };
   struct Readings {
     std::int64_t time_us = 0;
-    double fluoroscopy_s = -1, air_kerma_mGy = -1, contrast_mL = -1;
+    std::optional<double> fluoroscopy_s, air_kerma_mGy, contrast_mL;
   };
   struct Scene {
     std::int64_t time_us = 0;

@@ -42,11 +42,11 @@ Lines LinesAt(const ScreenCourse& course, std::int64_t time_us) {
   const ScreenMoment moment = course.At(time_us);
   const bool shown = moment.planes[0].picture >= 0;
   std::string dose;
-  if (moment.fluoroscopy_s >= 0) Append(dose, "\\NX-ray {}", SecondsText(moment.fluoroscopy_s));
-  if (moment.air_kerma_mGy >= 0) {
-    Append(dose, "\\NAir kerma {} mGy", ValueText(moment.air_kerma_mGy));
+  if (moment.fluoroscopy_s) Append(dose, "\\NX-ray {}", SecondsText(*moment.fluoroscopy_s));
+  if (moment.air_kerma_mGy) {
+    Append(dose, "\\NAir kerma {} mGy", ValueText(*moment.air_kerma_mGy));
   }
-  if (moment.contrast_mL >= 0) Append(dose, "\\NContrast {} mL", ValueText(moment.contrast_mL));
+  if (moment.contrast_mL) Append(dose, "\\NContrast {} mL", ValueText(*moment.contrast_mL));
   if (!dose.empty()) dose.erase(0, 2);
   std::string session = EscapeSubtitle(Printable(moment.scene, kLongestName));
   if (!session.empty()) session += "\\N";

@@ -17,15 +17,6 @@ constexpr double kSilentS = 0.3;
 
 }  // namespace
 
-std::optional<double> FindReading(const torquer_lcm::readings_t& readings,
-                                  const std::string& name) {
-  const auto found = std::find(readings.names.begin(), readings.names.end(), name);
-  if (found == readings.names.end()) return std::nullopt;
-  const double value = readings.values[static_cast<std::size_t>(found - readings.names.begin())];
-  if (!(std::abs(value) <= Series::kMost)) return std::nullopt;
-  return value;
-}
-
 void SessionCourse::Add(const torquer_lcm::instrument_command_t& command) {
   if (!last_ || last_->instruments.empty() || command.instrument != last_->instruments[0].name) {
     return;

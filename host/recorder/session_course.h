@@ -9,16 +9,13 @@
 #include <string>
 #include <vector>
 
+#include "host/recorder/find_reading.h"
 #include "host/recorder/session_series.h"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace torquer {
-
-/// Value of a reading, such as "wall_force_sum_mN". Returns nullopt if the scene has no observer
-/// for it, or if the value is unknown or beyond Series::kMost.
-std::optional<double> FindReading(const torquer_lcm::readings_t& readings, const std::string& name);
 
 /// One instrument over time.
 struct InstrumentCourse {

@@ -176,7 +176,7 @@ SessionSummary Summarize(const SessionReport& report) {
     summary.fluoroscopy_s = reading("fluoroscopy_s").value_or(course.xray().total_s());
   }
   summary.contrast_mL = reading("contrast_injected_mL");
-  summary.air_kerma_mGy = reading("air_kerma_mGy");
+  summary.air_kerma_mGy = FindOverPlanes(report.readings, "air_kerma_mGy");
   if (summary.air_kerma_mGy && summary.fluoroscopy_s.value_or(0) > 0) {
     summary.air_kerma_mGy_min = *summary.air_kerma_mGy / (*summary.fluoroscopy_s / 60);
   }

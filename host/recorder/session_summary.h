@@ -37,7 +37,7 @@ struct SessionSummary {
   std::optional<double> wall_force_mN;      ///< largest wall force of a patch
   std::optional<double> fluoroscopy_s;      ///< time with the X-ray pedal down
   std::optional<double> contrast_mL;        ///< injected
-  std::optional<double> air_kerma_mGy;      ///< at the reference point
+  std::optional<double> air_kerma_mGy;      ///< at the reference point, over all planes
   std::optional<double> air_kerma_mGy_min;  ///< its mean rate while the pedal was down
   std::optional<double> blind_mm;      ///< motion of the hands without X-ray, in a scene with X-ray
   std::optional<double> blind_s;       ///< time of that motion

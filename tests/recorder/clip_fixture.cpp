@@ -79,7 +79,8 @@ void WriteScreenLog(const std::string& path, const ClipFaults& made) {
     if (i == 40 && !made.damaged_picture) log.Picture(time_s, 2, 200, kSide, true);
     if (i == 50) log.Picture(time_s, 3, 120);
     if (i >= 20) {
-      log.Readings(time_s, {"fluoroscopy_s", "air_kerma_mGy", "contrast_injected_mL", "other"});
+      log.Readings(time_s, {"fluoroscopy_s", "air_kerma_mGy", "lateral_air_kerma_mGy",
+                            "contrast_injected_mL", "other"});
     }
   }
   log.Finish();

@@ -134,7 +134,7 @@ TEST_CASE("Subtitles have three digits, a unit and times as minutes and seconds"
   WriteScreenLog(folder.Path("log"));
   const ScreenCourse course(folder.Path("log"));
   const std::string text = ScreenSubtitles(course, {.from_us = 2'000'000, .frames = 5}, 256, 256);
-  CHECK_THAT(text, Contains("X-ray 0:12.5 min\\NAir kerma 12.5 mGy\\NContrast 12.5 mL\n") &&
+  CHECK_THAT(text, Contains("X-ray 0:12.5 min\\NAir kerma 25.0 mGy\\NContrast 12.5 mL\n") &&
                        Contains("made_up\\N0:02.0\n"));
 }
 

@@ -1,11 +1,16 @@
 // Figures for a debrief: phases, motion without X-ray, and an expert run beside the session.
 #include <catch2/catch.hpp>
+#include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <string>
 
+#include "host/recorder/pass_marks.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/report_page.h"
 #include "host/recorder/session_summary.h"
 #include "tests/recorder/page_fixture.h"
+#include "tests/support/temporary_folder.h"
 
 using namespace torquer;
 using namespace torquer::test;
@@ -62,4 +67,35 @@ TEST_CASE("Page, report and JSON have phases, motion without X-ray, dose rate an
   report.not_gradable = "a reason";
   CHECK_FALSE(Summarize(report).blind_mm.has_value());
   CHECK_FALSE(Summarize(report).on_the_way_s.has_value());
+}
+
+TEST_CASE("The dose of a biplane system is the sum over its planes, and the page has both") {
+  const TemporaryFolder folder;
+  const std::string marks = folder.Path("marks.toml");
+  std::ofstream(marks) << "[at_most]\nair_kerma_mGy = 14\n";
+  SessionReport report = PageReport(true);
+  report.description.effects.emplace_back("fluoroscopy");
+  const auto add = [&report](const char* name, double value) {
+    report.readings.names.emplace_back(name);
+    report.readings.values.push_back(value);
+  };
+  const auto judged = [&] {
+    MarkSheet sheet = ReadMarks(marks, report);
+    CompareMarks(report, sheet);
+    return sheet.Passed();
+  };
+  add("air_kerma_mGy", 12);
+  CHECK(Summarize(report).air_kerma_mGy == 12);
+  CHECK(judged() == true);
+  CHECK_THAT(FormatPage(report, PagePartsOfCourse()), Catch::Contains(">12.0 mGy<"));
+  add("lateral_air_kerma_mGy", 3);
+  const SessionSummary both = Summarize(report);
+  CHECK(both.air_kerma_mGy == 15);
+  CHECK(both.air_kerma_mGy_min.value() == Approx(15 / *both.fluoroscopy_s * 60));
+  CHECK(judged() == false);
+  CHECK_THAT(FormatPage(report, PagePartsOfCourse()),
+             Catch::Contains(">15.0 mGy: plane A 12.0, plane B 3.00<"));
+  report.readings.values.back() = std::numeric_limits<double>::quiet_NaN();
+  CHECK_FALSE(Summarize(report).air_kerma_mGy.has_value());
+  CHECK_FALSE(judged().has_value());
 }

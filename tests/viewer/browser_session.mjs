@@ -81,14 +81,14 @@ export class BrowserSession {
 // Longest texts of the margin, by selector; those of the dose by term. A long session has all of them at once.
 const LONGEST = {
   "#hold": "Last image hold", "#picture-warning": "View moved: mask lost", "#lao": "RAO 120°", "#cra": "CAU 45°",
-  "#system-M span": "scene's display", "#system-R span": "scene's pulse rate", "#system-K span": "shutters 30 %",
-  "#system-U span": "wedge right", "#system-9 span": "50 %", "#system-T span": "-60°",
+  "#system-M span": "subtraction", "#system-R span": "7.5 pulses/s", "#system-K span": "shutters 30 %",
+  "#system-acquisition span": "acquires subtraction 6/s", "#system-U span": "wedge right", "#system-9 span": "50 %", "#system-T span": "-60°",
   "#field :first-child": "field 48 cm", "#source-distance": "SID 120 cm", "#loop-number": "loop 10 of 10, 123.45 s",
   "#table-place :first-child": "table R 120 H 150", "#table-place :last-child": "height −120 mm",
 };
 const LONGEST_DOSE = {
   "Procedure": "123:45 min", "X-ray": "100:00 min", "Tube": "150 kV 1000 mA", "Air kerma": "9999 mGy", "Kerma × area": "999 Gy cm²",
-  "Injector": "aborted 150 mL", "Contrast": "291 > 290 mL",
+  "Air kerma A+B": "9999 mGy", "Kerma × area A+B": "999 Gy cm²", "Injector": "aborted 150 mL", "Contrast": "291 > 290 mL",
 };
 
 /**

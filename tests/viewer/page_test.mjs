@@ -167,7 +167,7 @@ test("the X-ray system is set by keys: mode, pulses, field, shutters, wedge filt
   await until("another scale", async () => (await text("#scale")) !== scale);
   for (const key of ["KeyM", "KeyM", "KeyM", "KeyM", "KeyR", "KeyR", "KeyR", "KeyZ", "KeyZ", "KeyK", "KeyK", "KeyK"]) await page.keyboard.press(key);
   await until("all as the scene", async () =>
-    (await said("M")) === "scene's display" && (await said("Z")) === "field ×1" && (await said("K")) === "shutters open");
+    (await said("M")) === "as scene" && (await said("Z")) === "field ×1" && (await said("K")) === "shutters open");
   await hold("Space", "open shutters", async () => (await pixel(0.05, 0.5)) > 30);
   await until("the scale is as before", async () => (await text("#scale")) === scale);
 });

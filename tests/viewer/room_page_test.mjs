@@ -26,7 +26,7 @@ test("the tube's figures and the rate of the dose are those of the pulses", asyn
   assert.deepEqual(await tube(), ["80", "–"]);
   assert.equal(await text("#source-distance"), "SID 105 cm");
   const currents = [];
-  for (const mode of ["scene's display", "plain"]) {
+  for (const mode of ["as scene", "plain"]) {
     await until(mode, async () => (await text("#system-M span")) === mode);
     const before = (await tube())[1];
     let rate;
@@ -41,7 +41,7 @@ test("the tube's figures and the rate of the dose are those of the pulses", asyn
   }
   assert.ok(Math.abs(currents[0] / currents[1] - 10) < 0.1, `a subtracted picture has ten times the dose: ${currents}`);
   for (let k = 0; k < 3; ++k) await page.keyboard.press("KeyM");
-  await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
+  await until("the scene's display", async () => (await text("#system-M span")) === "as scene");
 });
 
 test("an acquisition has its own pedal, display and pulses, and fluoroscopy follows with its own", async () => {
@@ -73,7 +73,7 @@ test("an acquisition has its own pedal, display and pulses, and fluoroscopy foll
   await until("the end of X-rays", async () => (await text("#hold")) === "Last image hold");
   await page.keyboard.press("KeyP");
   for (let k = 0; k < 4; ++k) await page.keyboard.press("KeyM");
-  await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
+  await until("the scene's display", async () => (await text("#system-M span")) === "as scene");
 });
 
 test("the table follows its keys, and the margin tells its position", async () => {
@@ -110,7 +110,7 @@ test("a table that moves takes the road map, and the margin tells it", async () 
   await page.keyboard.press("KeyJ", { delay: 200 });
   await until("it tells", async () => (await text("#picture-warning")) === "View moved: mask lost");
   for (let k = 0; k < 2; ++k) await page.keyboard.press("KeyM");
-  await until("the scene's display", async () => (await text("#system-M span")) === "scene's display");
+  await until("the scene's display", async () => (await text("#system-M span")) === "as scene");
 });
 
 test("a stored picture stays beside the live one as the reference", async () => {

@@ -26,6 +26,16 @@ function towards(mm: number, positive: string, negative: string): string {
   return `${mm < 0 ? negative : positive} ${Math.abs(mm).toFixed(0)}`;
 }
 
+/** Sum of a figure of the dose over the planes; null if it is not known. */
+function sumOfPlanes(values: Readings["values"], name: string): number | null {
+  const [first, second] = [values[name] ?? null, values[`lateral_${name}`]];
+  return first === null || second === null ? null : first + (second ?? 0);
+}
+
+function ofKnown(value: number | null, unit: string): string {
+  return value === null ? "not known" : `${short(value)} ${unit}`;
+}
+
 /** Sides of the patient at the left, right, top and bottom edge of a picture, as a viewer of the detector sees it. */
 export function sidesOf(laoRad: number, craRad: number): [string, string, string, string] {
   // Directions to the patient's left, back and head, each with its opposite.
@@ -72,7 +82,7 @@ export class Fluoroscopy {
   private readonly dose = new Rows(element("#dose"));
   private newest: Picture | null = null; // from the simulator
   private fieldMm = 0;
-  private rateMGyMin = 0; // of the air kerma
+  private kermaRate = ""; // of each plane, under X-rays
   private damagedMs = -Infinity; // time of the last picture that was damaged
   private maskLost = false;
   private level = 128; // gray that is shown as the middle
@@ -158,8 +168,7 @@ export class Fluoroscopy {
 
   /** The line below the lamp. Under X-rays it has the rate of the air kerma, where the scene publishes it. */
   setHold(xray: boolean, text: string): void {
-    const rate = this.rateMGyMin > 0 ? `${short(this.rateMGyMin)} mGy/min` : "";
-    setText(element("#hold"), xray ? rate : text);
+    setText(element("#hold"), xray ? this.kermaRate : text);
     this.warn();
   }
 
@@ -186,7 +195,8 @@ export class Fluoroscopy {
       this.fieldMm = fieldMm;
       this.drawScale();
     }
-    this.rateMGyMin = values["air_kerma_rate_mGy_min"] ?? 0;
+    const rate = sumOfPlanes(values, "air_kerma_rate_mGy_min") ?? 0;
+    this.kermaRate = rate > 0 ? `${short(rate)} mGy/min` : "";
     this.setTable(values);
     const lostS = values["mask_lost_s"] ?? null;
     this.maskLost = lostS !== null && readings.time_s - lostS < MASK_LOST_SHOWN_S;
@@ -199,8 +209,12 @@ export class Fluoroscopy {
     row("X-ray", "fluoroscopy_s", seconds);
     const tubeMa = values["tube_mA"];
     row("Tube", "tube_kV", (value) => `${value.toFixed(0)} kV ${typeof tubeMa === "number" ? short(tubeMa) : "–"} mA`);
-    row("Air kerma", "air_kerma_mGy", (value) => `${short(value)} mGy`);
-    row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${short(value)} Gy cm²`);
+    const sum = (term: string, name: string, unit: string) => {
+      const planes = values[`lateral_${name}`] === undefined ? "" : " A+B";
+      if (values[name] !== undefined) this.dose.set(term + planes, ofKnown(sumOfPlanes(values, name), unit));
+    };
+    sum("Air kerma", "air_kerma_mGy", "mGy");
+    sum("Kerma × area", "kerma_area_Gy_cm2", "Gy cm²");
     const injector = injectorWords(values);
     if (injector !== null) {
       const shown = this.dose.set("Injector", injector);
@@ -246,7 +260,8 @@ export class Fluoroscopy {
     this.subtraction.clear();
     this.measure.clear();
     this.setField(0, null);
-    this.fieldMm = this.rateMGyMin = 0;
+    this.fieldMm = 0;
+    this.kermaRate = "";
     this.drawScale();
     this.sayLoop();
     this.picture.clear();

@@ -3,7 +3,7 @@
 import { element, setText } from "./dom.js";
 import type { Acquisition, Imaging, Viewer } from "./frames.js";
 
-const MODES = ["scene's display", "plain", "subtraction", "road map", "cine"];
+const MODES = ["as scene", "plain", "subtraction", "road map", "cine"];
 const PULSES = [0, 7.5, 15, 30];
 // The heart needs cine, vessels that rest need a subtraction with few pictures.
 const ACQUISITIONS: readonly Acquisition[] = [
@@ -43,7 +43,7 @@ export class XraySystem {
     for (const code of ["KeyM", "KeyR", "KeyZ", "KeyK", "KeyU", "Digit9", "KeyT"]) {
       element(`#system-${code.slice(-1)}`).addEventListener("click", () => this.next(code));
     }
-    element("#pad-kind").addEventListener("click", () => this.next("Minus"));
+    for (const id of ["#pad-kind", "#system-acquisition"]) element(id).addEventListener("click", () => this.next("Minus"));
   }
 
   /**
@@ -76,9 +76,10 @@ export class XraySystem {
     this.root.hidden = !enabled;
     const say = (key: string, text: string) => setText(element(`#system-${key} span`), text);
     say("M", MODES[imaging.mode] ?? "");
-    say("R", imaging.pulses_per_s === 0 ? "scene's pulse rate" : `${imaging.pulses_per_s} pulses/s`);
+    say("R", imaging.pulses_per_s === 0 ? "scene's rate" : `${imaging.pulses_per_s} pulses/s`);
     say("Z", `field ×${imaging.magnification}`);
     setText(element("#pad-kind"), this.acquisition);
+    say("acquisition", `acquires ${this.acquisition}`);
     const most = Math.max(...imaging.shutters);
     say("K", most === 0 ? "shutters open" : `shutters ${Math.round(100 * most)} %`);
     const wedges = wedgesIn(imaging);
