@@ -12,8 +12,8 @@ namespace torquer {
 /// for it, or if the value is unknown or beyond Series::kMost.
 std::optional<double> FindReading(const torquer_lcm::readings_t& readings, const std::string& name);
 
-/// Value of a reading, plus that of the second plane of a biplane system if the plane has it:
-/// "air_kerma_mGy" and "lateral_air_kerma_mGy". Returns nullopt if one of both is unknown.
+/// Value of a reading, such as "air_kerma_mGy", plus the value of the second plane if it has one:
+/// "lateral_air_kerma_mGy". Returns nullopt if one of both is unknown.
 std::optional<double> FindOverPlanes(const torquer_lcm::readings_t& readings,
                                      const std::string& name);
 
