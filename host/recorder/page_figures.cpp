@@ -141,8 +141,8 @@ std::vector<std::string> PageFigures::Doubts() const {
   if (error_mm && limits_.target_radius_mm && *error_mm > *limits_.target_radius_mm) {
     doubts.push_back(
         fmt::format("With shorter segments the wire may lie up to {} mm elsewhere (an estimate), "
-                    "and the target "
-                    "has a radius of {:g} mm. So the target and the way may be judged otherwise.",
+                    "and the target has a radius of {:g} mm. So the target and the way may be "
+                    "judged otherwise.",
                     ValueText(*error_mm), *limits_.target_radius_mm));
   }
   return doubts;

@@ -82,11 +82,9 @@ void RefuseOtherSpace(const Vessel& vessel, const std::string& folder) {
   if (!inside.IsInOtherSpace()) return;
   throw UserError(fmt::format(
       "{}: {:.0f} % of the centerlines' length lies in the lumen, but {:.0f} % with the other "
-      "signs "
-      "of x and y; so one is in LPS and the other in RAS. Name the space of each: SPACE=LPS or "
-      "SPACE=RAS in a comment at the beginning of the surface file, and \"coordinateSystem\" in "
-      "the "
-      "curves",
+      "signs of x and y; so one is in LPS and the other in RAS. Name the space of each: SPACE=LPS "
+      "or SPACE=RAS in a comment at the beginning of the surface file, and \"coordinateSystem\" in "
+      "the curves",
       folder, 100 * inside.as_given, 100 * inside.turned));
 }
 
