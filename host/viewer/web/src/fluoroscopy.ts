@@ -26,14 +26,11 @@ function towards(mm: number, positive: string, negative: string): string {
   return `${mm < 0 ? negative : positive} ${Math.abs(mm).toFixed(0)}`;
 }
 
-/** Sum of a figure of the dose over the planes; null if it is not known. */
-function sumOfPlanes(values: Readings["values"], name: string): number | null {
-  const [first, second] = [values[name] ?? null, values[`lateral_${name}`]];
-  return first === null || second === null ? null : first + (second ?? 0);
-}
-
-function ofKnown(value: number | null, unit: string): string {
-  return value === null ? "not known" : `${short(value)} ${unit}`;
+/** Sum of a figure of the dose over the planes; null if it is not known, undefined if the scene has none. */
+function sumOfPlanes(values: Readings["values"], name: string): number | null | undefined {
+  const [first, second] = [values[name], values[`lateral_${name}`]];
+  if (first === undefined || second === undefined) return first;
+  return first === null || second === null ? null : first + second;
 }
 
 /** Sides of the patient at the left, right, top and bottom edge of a picture, as a viewer of the detector sees it. */
@@ -201,20 +198,16 @@ export class Fluoroscopy {
     const lostS = values["mask_lost_s"] ?? null;
     this.maskLost = lostS !== null && readings.time_s - lostS < MASK_LOST_SHOWN_S;
     this.warn();
-    const row = (term: string, name: string, shown: (value: number) => string) => {
-      const value = values[name];
-      return value === undefined ? null : this.dose.set(term, value === null ? "not known" : shown(value));
-    };
+    const set = (term: string, value: number | null | undefined, shown: (value: number) => string) =>
+      value === undefined ? null : this.dose.set(term, value === null ? "not known" : shown(value));
+    const row = (term: string, name: string, shown: (value: number) => string) => set(term, values[name], shown);
     row("Procedure", "procedure_s", seconds);
     row("X-ray", "fluoroscopy_s", seconds);
     const tubeMa = values["tube_mA"];
     row("Tube", "tube_kV", (value) => `${value.toFixed(0)} kV ${typeof tubeMa === "number" ? short(tubeMa) : "–"} mA`);
-    const sum = (term: string, name: string, unit: string) => {
-      const planes = values[`lateral_${name}`] === undefined ? "" : " A+B";
-      if (values[name] !== undefined) this.dose.set(term + planes, ofKnown(sumOfPlanes(values, name), unit));
-    };
-    sum("Air kerma", "air_kerma_mGy", "mGy");
-    sum("Kerma × area", "kerma_area_Gy_cm2", "Gy cm²");
+    const planes = values["lateral_air_kerma_mGy"] === undefined ? "" : " A+B";
+    set(`Air kerma${planes}`, sumOfPlanes(values, "air_kerma_mGy"), (value) => `${short(value)} mGy`);
+    set(`Kerma × area${planes}`, sumOfPlanes(values, "kerma_area_Gy_cm2"), (value) => `${short(value)} Gy cm²`);
     const injector = injectorWords(values);
     if (injector !== null) {
       const shown = this.dose.set("Injector", injector);
