@@ -54,7 +54,8 @@ test("an acquisition has its own pedal, display and pulses, and fluoroscopy foll
   };
   const near = (rate) => async () => Math.abs((await pulses()) / rate - 1) < 0.01;
   await page.keyboard.press("KeyM");
-  const shows = (kind) => until(kind, async () => (await text("#pad-kind")) === kind);
+  const shows = (kind) => until(kind, async () =>
+    (await text("#pad-kind")) === kind && (await text("#system-acquisition span")) === `acquires ${kind}`);
   await shows("cine 15/s");
   await hold("Enter", "cine", async () => (await mode()) === 3 && near(15)());
   for (let k = 0; k < 3; ++k) await page.keyboard.press("Minus");
