@@ -94,7 +94,9 @@ double AccuracyOutcome::MsPerMm() const {
 
 AccuracyBench::AccuracyBench(const std::string& scene_path, std::vector<double> places_mm,
                              const Options& options)
-    : scene_(std::make_unique<scene::Scene>(scene_path)),
+    // None of the methods that are compared twists the wire.
+    : scene_(std::make_unique<scene::Scene>(
+          scene::With(scene::ReadScene(scene_path), {{"effects.torsion", false}}))),
       options_(options),
       places_mm_(std::move(places_mm)) {
   StrictTable file = StrictTable::Read(scene_path);

@@ -61,7 +61,7 @@ class NewtonRun {
   InstrumentPoses target_;
 };
 
-// Shipped scene with its own vessel, wire, friction and method.
+// Shipped scene with its own vessel, wire, effects and method.
 class SceneRun {
  public:
   explicit SceneRun(const std::string& path)

@@ -112,7 +112,7 @@ def test_a_scene_with_values_of_python(phantom):
         "case": None,
     }
     other = phantom.with_values(values)
-    assert other.effects == ["wall_force", "internal_forces", "assessment"] and "[case]" not in other.text
+    assert other.effects == ["torsion", "wall_force", "internal_forces", "assessment"] and "[case]" not in other.text
     table = tomllib.loads(other.text)
     assert table["relaxation"] == {"budget_units": 7} and table["entry"]["at_mm"] == 2
     assert table["instrument"][0]["from_tip_mm"] == [0, 40] and table["instrument"][0]["rigidity_N_mm2"] == [0.01, 0.5]

@@ -39,16 +39,12 @@ double ReadingOf(const ExpertRun& run, const char* name) {
 TEST_CASE("Every shipped case has a target, friction, torsion, pass marks and an expert run") {
   const std::vector<std::string> files = ShippedCases();
   CHECK(files.size() >= 9);
-  // Scenes of benches and environments: host/scenes/README.md gives the price of torsion there.
-  const std::vector<std::string> without_torsion = {"abdominal_aorta", "coronary", "ty_phantom"};
   for (const std::string& file : files) {
     INFO(file);
     const scene::SceneSpec spec = scene::ReadScene(file);
     CHECK(spec.Has("assessment"));
     CHECK(spec.Has("friction"));
-    const bool has_torsion =
-        std::count(without_torsion.begin(), without_torsion.end(), spec.name) == 0;
-    CHECK(spec.Has("torsion") == has_torsion);
+    CHECK(spec.Has("torsion"));
     CHECK(std::filesystem::exists(PassMarksPath(file)));
     CHECK(std::filesystem::exists(ExpertPath(file)));
   }
