@@ -26,11 +26,12 @@ void HealthReporter::Publish(const std::string& message, const HealthCounters& c
   health.publish_us = MonotonicUs();
   health.state = state_;
   health.message = message;
-  health.count = static_cast<std::int32_t>(counters.size());
   for (const auto& [name, value] : counters) {
+    if (!value) continue;
     health.names.push_back(name);
-    health.values.push_back(value);
+    health.values.push_back(*value);
   }
+  health.count = static_cast<std::int32_t>(health.names.size());
   last_publish_us_ = health.publish_us;
   bus_.Publish(protocol::kHealthChannel, health);
 }

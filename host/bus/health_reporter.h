@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,8 +12,9 @@
 
 namespace torquer::bus {
 
-/// Counters by name, in the order of publishing.
-using HealthCounters = std::vector<std::pair<std::string, std::int64_t>>;
+/// Counters by name, in the order of publishing. One that is not known (no time measured yet) has
+/// no value, and the message leaves it out.
+using HealthCounters = std::vector<std::pair<std::string, std::optional<std::int64_t>>>;
 
 class HealthReporter {
  public:

@@ -262,7 +262,6 @@ void Daemon::OnReport(const device::SourceEvent& event) {
   statistics_.AddLatency(bus::MonotonicUs() - event.host_us);
   PublishSample(*output);
   if (options_.observe) options_.observe(device_, *output);
-
   if (silent_) {
     silent_ = false;
     Announce("running", "reports arrive again");
@@ -420,6 +419,7 @@ void Daemon::PublishHold(std::int64_t now_us) {
 }
 
 bus::HealthCounters Daemon::Counters() const {
+  const std::optional<double> drift = pipeline_->clock_map().drift();
   const device::DecoderCounters& decoder = pipeline_->decoder().counters();
   const TrackerCounters& tracker = pipeline_->tracker().counters();
   return {{"reports_received", decoder.received},
@@ -442,7 +442,7 @@ bus::HealthCounters Daemon::Counters() const {
           {"marks_passed", tracker.marks_passed},
           {"healed_um", tracker.healed_um},
           {"sensor_images_loaded", sensor_image_.loaded()},
-          {"clock_drift_ppm", std::llround(1e6 * pipeline_->clock_map().drift())},
+          {"clock_drift_ppm", drift ? std::optional(std::llround(1e6 * *drift)) : std::nullopt},
           {"clock_restarts", pipeline_->clock_map().restarts()},
           {"report_to_command_p99_us", statistics_.QuantileUs(0.99)}};
 }

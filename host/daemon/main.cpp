@@ -121,10 +121,12 @@ class SignalThread {
 nlohmann::ordered_json StatisticsOf(const torquer::daemon::Daemon& daemon) {
   const torquer::daemon::Statistics& statistics = daemon.statistics();
   nlohmann::ordered_json object;
-  for (const auto& [name, value] : daemon.Counters()) object[name] = value;
-  object["report_to_command_p50_us"] = statistics.QuantileUs(0.5);
-  object["report_to_command_p99_us"] = statistics.QuantileUs(0.99);
-  object["report_to_command_max_us"] = statistics.max_us();
+  const auto add = [&object](const std::string& name, std::optional<std::int64_t> value) {
+    object[name] = value ? nlohmann::ordered_json(*value) : nullptr;
+  };
+  for (const auto& [name, value] : daemon.Counters()) add(name, value);
+  add("report_to_command_p50_us", statistics.QuantileUs(0.5));
+  add("report_to_command_max_us", statistics.max_us());
   object["cpu_percent_of_core"] = statistics.CpuPercent();
   object["wall_s"] = statistics.WallSeconds();
   return object;

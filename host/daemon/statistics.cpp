@@ -27,10 +27,11 @@ void Statistics::AddLatency(std::int64_t us) {
   const std::int64_t bucket = std::clamp<std::int64_t>(us, 0, kBuckets - 1);
   ++buckets_[static_cast<std::size_t>(bucket)];
   ++count_;
-  max_us_ = std::max(max_us_, us);
+  max_us_ = std::max(max_us_.value_or(us), us);
 }
 
-std::int64_t Statistics::QuantileUs(double fraction) const {
+std::optional<std::int64_t> Statistics::QuantileUs(double fraction) const {
+  if (count_ == 0) return std::nullopt;
   const auto wanted = static_cast<std::int64_t>(std::ceil(fraction * static_cast<double>(count_)));
   std::int64_t seen = 0;
   for (std::size_t us = 0; us + 1 < kBuckets; ++us) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 namespace torquer::daemon {
 
@@ -15,10 +16,11 @@ class Statistics {
   void AddLatency(std::int64_t us);
 
   std::int64_t count() const { return count_; }
-  std::int64_t max_us() const { return max_us_; }
+  /// Largest latency, us; none without reports.
+  std::optional<std::int64_t> max_us() const { return max_us_; }
   /// The latency in us that `fraction` (0 .. 1) of the reports do not exceed. It is exact to 1 us
-  /// below 10 ms. Above that it is the largest latency. It is 0 without reports.
-  std::int64_t QuantileUs(double fraction) const;
+  /// below 10 ms. Above that it is the largest latency. There is none without reports.
+  std::optional<std::int64_t> QuantileUs(double fraction) const;
 
   /// Share of one core that this process with all its threads has used since construction.
   double CpuPercent() const;
@@ -30,7 +32,7 @@ class Statistics {
   std::array<std::int64_t, kBuckets>
       buckets_{};  // one per us; the last also counts all longer latencies
   std::int64_t count_ = 0;
-  std::int64_t max_us_ = 0;
+  std::optional<std::int64_t> max_us_;
   std::int64_t start_us_;
   double start_cpu_s_;
 };

@@ -24,6 +24,10 @@ void ClockMap::Reset() {
   drift_ = 0.0;
 }
 
+std::optional<double> ClockMap::drift() const {
+  return minima_.size() < kBlocksForDrift ? std::nullopt : std::optional(drift_);
+}
+
 void ClockMap::Begin(std::int64_t device_us, std::int64_t host_us) {
   begun_ = true;
   anchor_device_us_ = device_us;

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <optional>
 
 namespace torquer::device {
 
@@ -24,8 +25,9 @@ class ClockMap {
   /// Device times must not decrease between resets.
   std::int64_t Map(std::int64_t device_us, std::int64_t host_us);
 
-  /// Host seconds per device second, less 1; 0 in the first second.
-  double drift() const { return drift_; }
+  /// Host seconds per device second, less 1; none in the first second, and in the first second
+  /// after a restart.
+  std::optional<double> drift() const;
 
   /// Number of jumps between the clocks (a suspended host, a stopped emulator), after which the map
   /// started again.

@@ -150,8 +150,8 @@ void EmulatorRun::Pace() {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
   }
   const std::int64_t late_ns = MonotonicNs() - next_frame_ns_;
-  summary_.latest_frame_ms =
-      std::max(summary_.latest_frame_ms, static_cast<double>(late_ns) * 1e-6);
+  const double late_ms = static_cast<double>(late_ns) * 1e-6;
+  summary_.latest_frame_ms = std::max(summary_.latest_frame_ms.value_or(late_ms), late_ms);
   if (late_ns > kLongestCatchUpNs) next_frame_ns_ += late_ns;
   next_frame_ns_ += kFrameNs;
 }

@@ -54,7 +54,7 @@ struct RunSummary {
   std::vector<std::string> violation_texts;
   double time_simulated_s = 0;
   double cycles_used_fraction = 0;
-  double latest_frame_ms = 0;  ///< in real time: how late the latest frame began
+  std::optional<double> latest_frame_ms;  ///< how late the latest frame began; none with --fast
   std::string serial;
 };
 

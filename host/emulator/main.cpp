@@ -130,7 +130,8 @@ void PrintSummary(const RunSummary& summary, bool json) {
     object["violations"] = summary.violations;
     object["time_simulated_s"] = summary.time_simulated_s;
     object["cycles_used_fraction"] = summary.cycles_used_fraction;
-    object["latest_frame_ms"] = summary.latest_frame_ms;
+    object["latest_frame_ms"] =
+        summary.latest_frame_ms ? nlohmann::ordered_json(*summary.latest_frame_ms) : nullptr;
     object["serial"] = summary.serial;
     fmt::print("{}\n", object.dump());
   } else {

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "host/bus/bus.h"
@@ -35,8 +36,11 @@ class PictureThread {
   void Continue(effects::ImageSource& source);
 
   std::int64_t rendered() const { return rendered_; }
-  /// Time to render and compress the last picture; 0 before the first one.
-  std::int64_t last_us() const { return last_us_; }
+  /// Time to render and compress the last picture, us; none before the first one.
+  std::optional<std::int64_t> last_us() const {
+    const std::int64_t us = last_us_;
+    return us < 0 ? std::nullopt : std::optional(us);
+  }
 
  private:
   void RunUntilProblem();
@@ -54,7 +58,7 @@ class PictureThread {
   bool pauses_ = false;
   bool stop_ = false;
   std::atomic<std::int64_t> rendered_ = 0;
-  std::atomic<std::int64_t> last_us_ = 0;
+  std::atomic<std::int64_t> last_us_ = -1;  // -1: no picture yet
   std::thread thread_;
 };
 

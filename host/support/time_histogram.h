@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 namespace torquer {
 
@@ -16,23 +17,23 @@ class TimeHistogram {
   void Add(double us) {
     ++counts_[BinOf(us)];
     ++count_;
-    largest_us_ = std::max(largest_us_, us);
+    largest_us_ = std::max(largest_us_.value_or(us), us);
   }
   std::int64_t count() const { return count_; }
-  /// Exact largest time; 0 if there is none.
-  double largest_us() const { return largest_us_; }
+  /// Exact largest time; none if there are no times.
+  std::optional<double> largest_us() const { return largest_us_; }
   /// Smallest time that is not exceeded by a share of 0 < `share` <= 1 of all times (nearest rank).
-  /// Accurate to 1 %; 0 if there are no times.
-  double Quantile(double share) const {
+  /// Accurate to 1 %; none if there are no times.
+  std::optional<double> Quantile(double share) const {
     const auto rank = std::max<std::int64_t>(
         1, static_cast<std::int64_t>(std::ceil(share * static_cast<double>(count_))));
     std::int64_t below = 0;
     for (std::size_t bin = 0; bin < kBins; ++bin) {
       below += counts_[bin];
       // Logarithmic middle of the bin.
-      if (below >= rank) return std::min(kLeastUs * std::pow(kRatio, bin + 0.5), largest_us_);
+      if (below >= rank) return std::min(kLeastUs * std::pow(kRatio, bin + 0.5), *largest_us_);
     }
-    return 0;
+    return std::nullopt;
   }
 
  private:
@@ -48,7 +49,7 @@ class TimeHistogram {
 
   std::array<std::int64_t, kBins> counts_ = {};
   std::int64_t count_ = 0;
-  double largest_us_ = 0;
+  std::optional<double> largest_us_;
 };
 
 }  // namespace torquer

@@ -83,6 +83,7 @@ TEST_CASE("Reports become commands, one for one") {
   CHECK(listener.counters["reports_received"] == kReports);
   CHECK(listener.counters["reports_lost"] == 0);
   CHECK(listener.counters["axial_counts_applied"] == 3 * (kReports - 1));
+  CHECK(listener.counters.contains("report_to_command_p99_us"));
   const auto statistics = nlohmann::json::parse(daemon.Output());
   CHECK(statistics.at("reports_received") == kReports);
   CHECK(statistics.at("commands_published") >= kReports);

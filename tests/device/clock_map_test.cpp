@@ -41,7 +41,8 @@ TEST_CASE("Jitter and drift are seen through") {
   }
   CAPTURE(drift);
   CHECK(worst_us < 25.0);
-  CHECK(map.drift() == Approx(drift).margin(2e-6));
+  REQUIRE(map.drift());
+  CHECK(*map.drift() == Approx(drift).margin(2e-6));
   CHECK(map.restarts() == 0);
 }
 
@@ -88,10 +89,12 @@ TEST_CASE("A device that runs at any speed but that of time is not misread") {
 
 TEST_CASE("Reset forgets") {
   ClockMap map;
+  CHECK_FALSE(map.drift());
   for (int i = 0; i < 5000; ++i) map.Map(1000LL * i, 1000LL * i);
+  CHECK(map.drift());
   map.Reset();
   CHECK(map.Map(77, 9000000) == 9000000);
-  CHECK(map.drift() == 0.0);
+  CHECK_FALSE(map.drift());
 }
 
 TEST_CASE("A device clock that stands still is tolerated") {

@@ -303,6 +303,7 @@ TEST_CASE("the program ends with its summary as JSON") {
   CHECK(summary["violations"] == 0);
   CHECK(summary["cycles_used_fraction"] < 0.6);
   CHECK(summary["time_simulated_s"] > 1.25);
+  CHECK(summary.at("latest_frame_ms").is_null());  // nothing is late without real time
 }
 
 const std::string kBootloader = torquer::test::FirmwarePath("torquer-bootloader.elf");

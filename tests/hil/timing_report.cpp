@@ -80,13 +80,13 @@ std::string TimingReport(const std::string& serial, double seconds) {
     series.samples_us.push_back(static_cast<double>(device_us - seen[i - 1].first));
   }
   const device::DecoderCounters& counters = decoder.counters();
+  char drift[40] = "an unknown drift";
+  if (clock_map.drift()) std::snprintf(drift, sizeof drift, "%.1f ppm", 1e6 * *clock_map.drift());
   char head[200];
   std::snprintf(head, sizeof head,
-                "%zu reports in %.1f s, %lld lost, %lld repeated or late; device clock off by %.1f "
-                "ppm\n",
+                "%zu reports in %.1f s, %lld lost, %lld repeated or late; device clock off by %s\n",
                 seen.size(), seconds, static_cast<long long>(counters.lost),
-                static_cast<long long>(counters.duplicated + counters.reordered),
-                1e6 * clock_map.drift());
+                static_cast<long long>(counters.duplicated + counters.reordered), drift);
   return head + Line("between arrivals (host's clock)", series.arrivals_us) +
          Line("between samples (device's clock)", series.samples_us) +
          Line("from sample to arrival, over the least", series.latencies_us) +

@@ -24,18 +24,19 @@ TEST_CASE("Quantiles of a histogram are those of the sorted times, to 1 %") {
   CHECK(histogram.largest_us() == all.back());
   for (const double share : {0.001, 0.5, 0.99, 0.999, 1.0}) {
     const auto rank = static_cast<std::size_t>(std::ceil(share * count));
-    CHECK(histogram.Quantile(share) == Approx(all[rank - 1]).epsilon(0.0101));
+    REQUIRE(histogram.Quantile(share));
+    CHECK(*histogram.Quantile(share) == Approx(all[rank - 1]).epsilon(0.0101));
   }
 }
 
 TEST_CASE("A histogram takes any time, and is empty at first") {
   TimeHistogram histogram;
-  CHECK(histogram.Quantile(0.5) == 0);
-  CHECK(histogram.largest_us() == 0);
+  CHECK_FALSE(histogram.Quantile(0.5));
+  CHECK_FALSE(histogram.largest_us());
   for (const double us : {0.0, 1e-9, 5e9, 1e300}) histogram.Add(us);
   CHECK(histogram.count() == 4);
-  CHECK(histogram.Quantile(0.25) < 0.11);
-  CHECK(histogram.Quantile(1) > 9e8);
+  CHECK(*histogram.Quantile(0.25) < 0.11);
+  CHECK(*histogram.Quantile(1) > 9e8);
   CHECK(histogram.largest_us() == 1e300);
 }
 

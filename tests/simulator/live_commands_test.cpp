@@ -44,7 +44,7 @@ class Fixture {
   }
   std::int64_t Count(const std::string& name) const {
     for (const auto& [counter, value] : commands().Counters()) {
-      if (counter == name) return value;
+      if (counter == name) return value.value();
     }
     return -1;
   }

@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <torquer_lcm/exchange_command_t.hpp>
@@ -133,6 +134,28 @@ TEST_CASE("Live, an order that cannot be executed is refused with its reason", "
   CHECK(Order(live, OrderOf(1700, "balloon", "sion"),
               [&] { return said.find("has no such instrument") != std::string::npos; }));
   CHECK_THAT(said, Contains("withdraw it to 0 mm first"));
+}
+
+TEST_CASE("Live, health has the time of a picture only after a picture", "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const TrayFile file;
+  LiveScene live(file.path());
+  std::vector<std::optional<std::int64_t>> picture_us;
+  live.hands().Subscribe<torquer_lcm::health_t>(
+      torquer::protocol::kHealthChannel,
+      [&](const torquer_lcm::health_t& health) {
+        picture_us.emplace_back();
+        for (std::size_t k = 0; k < health.names.size(); ++k) {
+          if (health.names[k] == "picture_us") picture_us.back() = health.values[k];
+        }
+      },
+      0);
+  live.Start();
+  REQUIRE(WaitFor(live.hands(), [&] { return !picture_us.empty(); }));
+  CHECK_FALSE(picture_us.front());
+  live.command.xray = true;
+  REQUIRE(live.Send("wire", 2, 0, [&] { return picture_us.back().has_value(); }));
+  CHECK(*picture_us.back() > 0);
 }
 
 TEST_CASE("An order to exchange is taken once from one sender", "[simulator]") {

@@ -80,15 +80,17 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
   if (record) record->Finish(torquer::simulator::FormatRecord(simulation.now(), examination));
   if (json) {
-    const nlohmann::json line = {{"ticks", run.ticks},
-                                 {"commands", run.commands},
-                                 {"unconverged", run.unconverged},
-                                 {"command_to_state_us_p50", run.command_to_state.Quantile(0.5)},
-                                 {"command_to_state_us_p99", run.command_to_state.Quantile(0.99)},
-                                 {"command_to_state_us_max", run.command_to_state.largest_us()},
-                                 {"solve_us_p50", run.solve.Quantile(0.5)},
-                                 {"solve_us_p99", run.solve.Quantile(0.99)},
-                                 {"solve_us_max", run.solve.largest_us()}};
+    nlohmann::json line = {
+        {"ticks", run.ticks}, {"commands", run.commands}, {"unconverged", run.unconverged}};
+    const auto add = [&line](const std::string& name, std::optional<double> us) {
+      line[name] = us ? nlohmann::json(*us) : nullptr;
+    };
+    add("command_to_state_us_p50", run.command_to_state.Quantile(0.5));
+    add("command_to_state_us_p99", run.command_to_state.Quantile(0.99));
+    add("command_to_state_us_max", run.command_to_state.largest_us());
+    add("solve_us_p50", run.solve.Quantile(0.5));
+    add("solve_us_p99", run.solve.Quantile(0.99));
+    add("solve_us_max", run.solve.largest_us());
     fmt::print("{}\n", line.dump());
   }
   return 0;

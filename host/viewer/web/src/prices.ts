@@ -32,7 +32,7 @@ export class Prices {
       this.rows.set(Prices.words(name), WITHIN.has(name) ? "part of wire and wall" : us(prices.get(name) ?? 0));
     }
     const picture = health.counters["picture_us"];
-    if (picture !== undefined && picture > 0) this.rows.set("X-ray picture, beside the ticks", `${short(1e-3 * picture)} ms`);
+    if (picture !== undefined) this.rows.set("X-ray picture, beside the ticks", `${short(1e-3 * picture)} ms`);
   }
 
   private static words(name: string): string {
