@@ -309,7 +309,8 @@ class Page {
     Append(out_,
            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
            "<td>{}</td><td>{}</td><td>{}</td></tr>\n",
-           number, DateText(session.started_us) + (session.examination ? ", examination" : ""),
+           number,
+           DateText(session.started_us.value_or(0)) + (session.examination ? ", examination" : ""),
            result, session.marks.empty() ? "&#x2013;" : Verdict(session.passed),
            SecondsText(session.procedure_s), or_dash(session.wall_force_mN, ForceText),
            or_dash(session.fluoroscopy_s, SecondsText),

@@ -106,6 +106,12 @@ class Fields {
     }
     return At(name).get<std::int64_t>();
   }
+  // 0 in earlier files: not known.
+  std::optional<std::int64_t> Start() const {
+    constexpr const char* kName = "started_us";
+    if (At(kName).is_null() || Count(kName) == 0) return std::nullopt;
+    return Count(kName);
+  }
   std::optional<bool> Truth(const char* name) const {
     if (At(name).is_null()) return std::nullopt;
     if (!At(name).is_boolean()) Refuse(std::string(name) + " is neither true nor false");
@@ -166,7 +172,7 @@ SessionSummary Summarize(const SessionReport& report) {
   const SessionCourse& course = report.course;
   SessionSummary summary;
   summary.scene = report.scene;
-  summary.started_us = std::max<std::int64_t>(report.started_us, 0);
+  if (report.started_us > 0) summary.started_us = report.started_us;
   summary.procedure_s = reading("procedure_s").value_or(course.end_s() - course.begin_s());
   summary.target_reached = AsTruth(reading("target_reached"));
   summary.safe = AsTruth(reading("safe_success"));
@@ -225,7 +231,7 @@ std::string FormatSummary(const SessionSummary& summary) {
                                  {"scene", summary.scene},
                                  {"trainee", summary.trainee},
                                  {"group", summary.group},
-                                 {"started_us", summary.started_us},
+                                 {"started_us", OrNull(summary.started_us)},
                                  {"examination", summary.examination},
                                  {"gradable", summary.gradable},
                                  {"procedure_s", summary.procedure_s},
@@ -249,7 +255,7 @@ SessionSummary ReadSummary(const std::string& path) {
   summary.scene = fields.Text("scene");
   summary.trainee = fields.NewerText("trainee");
   summary.group = fields.NewerText("group");
-  summary.started_us = fields.Count("started_us");
+  summary.started_us = fields.Start();
   summary.examination = fields.Truth("examination").value_or(false);
   summary.gradable = fields.Truth("gradable").value_or(false);
   summary.procedure_s = fields.GivenNumber("procedure_s");

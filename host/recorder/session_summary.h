@@ -24,10 +24,10 @@ struct SummaryMark {
 /// if it is not known.
 struct SessionSummary {
   std::string scene;
-  std::string trainee;          ///< "": not named
-  std::string group;            ///< of the trainee, such as a course; "": none
-  std::int64_t started_us = 0;  ///< wall clock, since 1970
-  bool examination = false;     ///< otherwise practice
+  std::string trainee;                     ///< "": not named
+  std::string group;                       ///< of the trainee, such as a course; "": none
+  std::optional<std::int64_t> started_us;  ///< wall clock, since 1970
+  bool examination = false;                ///< otherwise practice
   /// False: the session could not be repeated, so it has no marks.
   bool gradable = true;
   double procedure_s = 0;  ///< from the assessment, otherwise from the first tick to the last

@@ -15,7 +15,7 @@ from torquer import trainees
 
 
 def summary(**values):
-    whole = {name: None for name in (*trainees._FIGURES, *trainees._VERDICTS)}
+    whole = {name: None for name in (*trainees.FIGURES, *trainees.VERDICTS)}
     whole.update(
         session_summary=2, scene="neuro_angio", trainee="Ann", group="2026", started_us=1_700_000_000_000_000, gradable=True,
         examination=False, procedure_s=90, target_s=60, target_reached=True, safe=True, passed=True, wall_force_mN=120,
@@ -98,6 +98,37 @@ def test_a_session_that_is_added_again_is_replaced_with_its_marks(filled):
         assert base.execute("SELECT count(*) FROM session").fetchone() == (4,)
         assert base.execute("SELECT count(*) FROM mark").fetchone() == (4,)
         assert base.execute("SELECT max(target_s) FROM session WHERE started_us = 1700002000000000").fetchone() == (61,)
+
+
+def test_sessions_without_a_known_start_are_all_kept(tmp_path):
+    store = tmp_path / "store.sqlite"
+    sessions = [write(tmp_path / f"s{k}", "report", started_us=start, target_s=k) for k, start in enumerate([None, 0, None])]
+    assert run(store, "add", *sessions)[1] == f"{store}: 3 sessions added, 0 replaced\n"
+    write(tmp_path / "s1", "report", started_us=None, target_s=7)
+    assert run(store, "add", *sessions)[1] == f"{store}: 0 sessions added, 3 replaced\n"
+    assert [line.split()[2] for line in run(store, "curve", "Ann")[1].splitlines()[1:]] == ["-", "-", "-"]
+    run(store, "export", tmp_path / "all.csv")
+    rows = list(csv.DictReader((tmp_path / "all.csv").open()))
+    assert {row["started_us"] for row in rows} == {""} and sorted(row["target_s"] for row in rows) == ["0.0", "2.0", "7.0"]
+
+
+def test_a_store_of_the_first_version_is_renewed_without_loss(filled):
+    store, sessions = filled
+    with sqlite3.connect(store) as base:
+        (made,) = base.execute("SELECT sql FROM sqlite_master WHERE name = 'session'").fetchone()
+        old = made.replace("started_us INTEGER", "started_us INTEGER NOT NULL").replace("TABLE session", "TABLE old")
+        base.executescript(
+            f"{old}; INSERT INTO old SELECT * FROM session; UPDATE old SET started_us = 0 WHERE target_s = 60; DROP TABLE session;"
+            "ALTER TABLE old RENAME TO session; PRAGMA user_version = 1"
+        )
+        assert base.execute("SELECT count(*) FROM mark").fetchone() == (4,)
+    assert [line.split()[3] for line in run(store, "list")[1].splitlines()[1:]] == ["3", "1"]
+    write(sessions / "t9", "report", started_us=None)
+    assert run(store, "add", sessions / "t9")[1] == f"{store}: 1 sessions added, 0 replaced\n"
+    with sqlite3.connect(store) as base:
+        assert base.execute("SELECT count(*) FROM session WHERE started_us IS NULL").fetchone() == (2,)
+        assert base.execute("SELECT count(*) FROM mark JOIN session ON session.id = mark.session").fetchone() == (5,)
+        assert base.execute("PRAGMA foreign_key_check").fetchall() == []
 
 
 def test_a_session_without_a_name_needs_one(tmp_path):

@@ -305,12 +305,12 @@ TEST_CASE("Earlier sessions make a learning curve, and damaged ones are named") 
   const SessionReport report = PageReport(true);
   PageParts parts = PagePartsOfCourse();
   SessionSummary first = Summarize(report);
-  first.started_us -= 3'600'000'000;
+  *first.started_us -= 3'600'000'000;
   first.target_reached = false;
   first.target_s.reset();
   first.wall_force_mN = 222.5;
   SessionSummary second = Summarize(report);
-  second.started_us -= 1'800'000'000;
+  *second.started_us -= 1'800'000'000;
   second.safe = false;
   second.contrast_mL.reset();
   parts.earlier.sessions = {first, second};

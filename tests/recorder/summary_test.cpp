@@ -46,7 +46,9 @@ void WriteFile(const std::string& path, const std::string& text) {
 
 std::vector<std::int64_t> Starts(const EarlierSessions& earlier) {
   std::vector<std::int64_t> starts;
-  for (const SessionSummary& summary : earlier.sessions) starts.push_back(summary.started_us);
+  for (const SessionSummary& summary : earlier.sessions) {
+    starts.push_back(summary.started_us.value_or(-1));
+  }
   return starts;
 }
 
@@ -107,6 +109,23 @@ TEST_CASE("A damaged summary is refused with the reason") {
   refuses(with("trainee", 1), "trainee is not a text");
   refuses(with("safe", 1), "safe is neither true nor false");
   refuses(with("scene", std::string(EarlierSessions::kMostBytes, 'x')), "bytes");
+}
+
+TEST_CASE("A session without a known start has null, and earlier files have 0 for it") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("a.session.json");
+  SessionReport report;
+  report.started_us = 0;
+  nlohmann::json json = nlohmann::json::parse(FormatSummary(Summarize(report)));
+  CHECK(json.at("started_us").is_null());
+  SessionSummary summary = Made(5);
+  summary.started_us.reset();
+  WriteFile(path, FormatSummary(summary));
+  CHECK(ReadSummary(path) == summary);
+  json = nlohmann::json::parse(FormatSummary(summary));
+  json["started_us"] = 0;
+  WriteFile(path, json.dump());
+  CHECK(ReadSummary(path) == summary);
 }
 
 TEST_CASE("Earlier sessions of the scene are found beside the page and beside its folder") {

@@ -21,38 +21,16 @@ import sys
 from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
 
 from . import Error, __version__, _command
+from ._trainee_store import FIGURES, VERDICTS, Store
 from ._user_file import load_json, open_file
 
-_APPLICATION = 0x746F7271  # "torq"
-_VERSION = 1
 _SUMMARY_VERSION = 2
 _ENDING = ".session.json"
 _MOST_BYTES = 16384
 _MOST_FILES = 100_000
 _LARGEST = 1e12
 _LATEST_US = 4_102_444_800_000_000  # year 2100
-_WAIT_S = 10.0
 
-# Figures of a session, as in the file that torquer-report writes. A value that is not known is null.
-_FIGURES = (
-    "procedure_s",
-    "before_motion_s",
-    "on_the_way_s",
-    "after_target_s",
-    "target_s",
-    "wall_force_mN",
-    "fluoroscopy_s",
-    "air_kerma_mGy",
-    "air_kerma_mGy_min",
-    "contrast_mL",
-    "blind_s",
-    "blind_mm",
-    "retractions",
-    "retracted_mm",
-    "reversals",
-    "tip_path_mm",
-)
-_VERDICTS = ("examination", "gradable", "target_reached", "safe", "passed")
 # Figures of a learning curve, with their titles.
 _CURVE = {
     "target_s": "Time to the target (s)",
@@ -61,99 +39,10 @@ _CURVE = {
     "blind_mm": "Motion without X-ray (mm)",
 }
 
-_TABLES = f"""
-CREATE TABLE trainee (
-  id INTEGER PRIMARY KEY,
-  name TEXT NOT NULL UNIQUE
-);
-CREATE TABLE session (
-  id INTEGER PRIMARY KEY,
-  trainee INTEGER NOT NULL REFERENCES trainee(id),
-  trainee_group TEXT NOT NULL,
-  scene TEXT NOT NULL,
-  started_us INTEGER NOT NULL,
-  file TEXT NOT NULL,
-  {", ".join(f"{name} INTEGER" for name in _VERDICTS)},
-  {", ".join(f"{name} REAL" for name in _FIGURES)},
-  UNIQUE (trainee, scene, started_us)
-);
-CREATE TABLE mark (
-  session INTEGER NOT NULL REFERENCES session(id) ON DELETE CASCADE,
-  name TEXT NOT NULL,
-  value REAL,
-  passed INTEGER
-);
-PRAGMA application_id = {_APPLICATION};
-PRAGMA user_version = {_VERSION};
-"""
-
 
 def default_store() -> pathlib.Path:
     base = os.environ.get("XDG_DATA_HOME") or os.path.expanduser("~/.local/share")
     return pathlib.Path(base) / "torquer" / "trainees.sqlite"
-
-
-class Store:
-    """Sessions by trainee. `make`: a file that is missing is made."""
-
-    def __init__(self, path: pathlib.Path, make: bool = False) -> None:
-        self.path = path
-        if not make and not path.exists():
-            raise Error(f"{path}: there is no store; make it with: torquer-trainees add FOLDER")
-        try:
-            if make:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            self._base = sqlite3.connect(path, timeout=_WAIT_S)
-            self._base.execute("PRAGMA foreign_keys = ON")
-            self._check()
-        except (OSError, sqlite3.Error) as error:
-            raise Error(f"{path}: cannot be used as a store ({error}); check the path and permissions") from None
-
-    def __repr__(self) -> str:
-        return f"Store(path={str(self.path)!r})"
-
-    def _check(self) -> None:
-        (application,) = self._base.execute("PRAGMA application_id").fetchone()
-        (version,) = self._base.execute("PRAGMA user_version").fetchone()
-        tables = self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-        if tables == 0 and application == 0:
-            self._base.executescript("BEGIN EXCLUSIVE;" + _TABLES + "COMMIT;")
-        elif application != _APPLICATION:
-            raise Error(f"{self.path}: is a database of another program; give another --store")
-        elif version != _VERSION:
-            raise Error(f"{self.path}: has version {version} of the store, not {_VERSION}; use the release that made it")
-
-    def close(self) -> None:
-        self._base.close()
-
-    def add(self, session: Dict[str, Any], trainee: str, group: str, file: str) -> bool:
-        """Adds a session, or replaces it. False if it was there."""
-        with self._base:
-            self._base.execute("INSERT OR IGNORE INTO trainee (name) VALUES (?)", (trainee,))
-            (who,) = self._base.execute("SELECT id FROM trainee WHERE name = ?", (trainee,)).fetchone()
-            key = (who, session["scene"], session["started_us"])
-            before = self._base.execute("DELETE FROM session WHERE trainee = ? AND scene = ? AND started_us = ?", key).rowcount
-            names = ["trainee", "scene", "started_us", "trainee_group", "file", *_VERDICTS, *_FIGURES]
-            values = [*key, group, file, *(session[name] for name in (*_VERDICTS, *_FIGURES))]
-            places = ", ".join("?" * len(names))
-            row = self._base.execute(f"INSERT INTO session ({', '.join(names)}) VALUES ({places})", values).lastrowid
-            self._base.executemany(
-                "INSERT INTO mark VALUES (?, ?, ?, ?)",
-                [(row, mark["name"], mark["value"], mark["passed"]) for mark in session["marks"]],
-            )
-        return before == 0
-
-    def sessions(self, trainee: Optional[str] = None, scene: Optional[str] = None, group: Optional[str] = None) -> List[Dict[str, Any]]:
-        """Sessions in the order of their start."""
-        names = ["trainee", "group", "scene", "started_us", "file", *_VERDICTS, *_FIGURES]
-        columns = ["trainee.name", "trainee_group", *names[2:]]
-        rows = self._base.execute(
-            f"SELECT {', '.join(columns)} FROM session JOIN trainee ON trainee.id = session.trainee "
-            "WHERE (?1 IS NULL OR trainee.name = ?1) AND (?2 IS NULL OR scene = ?2) AND (?3 IS NULL OR trainee_group = ?3) "
-            "ORDER BY started_us, session.id",
-            (trainee, scene, group),
-        )
-        return [dict(zip(names, row)) for row in rows]
 
 
 def _number(path: str, session: Dict[str, Any], name: str, most: float = _LARGEST) -> Optional[float]:
@@ -190,9 +79,10 @@ def read_session(path: str) -> Dict[str, Any]:
     if not isinstance(session, dict) or session.get("session_summary") != _SUMMARY_VERSION:
         raise Error(f"{path}: is not a summary of a session of this release; make the report again")
     found: Dict[str, Any] = {name: _text(path, session, name) for name in ("scene", "trainee", "group")}
-    found["started_us"] = int(_number(path, session, "started_us", _LATEST_US) or 0)
-    found.update({name: _verdict(path, session, name) for name in _VERDICTS})
-    found.update({name: _number(path, session, name) for name in _FIGURES})
+    started_us = _number(path, session, "started_us", _LATEST_US)
+    found["started_us"] = int(started_us) if started_us else None  # 0 in earlier files: not known
+    found.update({name: _verdict(path, session, name) for name in VERDICTS})
+    found.update({name: _number(path, session, name) for name in FIGURES})
     marks = session.get("marks", [])
     if not isinstance(marks, list) or not all(isinstance(mark, dict) for mark in marks):
         raise Error(f"{path}: marks is no list of tables; make the report again")
@@ -249,7 +139,9 @@ def add(store: Store, paths: Sequence[str], trainee: str, group: str) -> Tuple[s
     return f"{counts[True]} sessions added, {counts[False]} replaced", left_out
 
 
-def _date(started_us: int) -> str:
+def _date(started_us: Optional[int]) -> str:
+    if started_us is None:
+        return "-"
     return datetime.datetime.fromtimestamp(started_us / 1e6, datetime.timezone.utc).strftime("%Y-%m-%d %H:%M")
 
 
@@ -298,7 +190,7 @@ def curve(sessions: Sequence[Dict[str, Any]]) -> str:
     """A row for each session of a trainee in a case."""
     rows = []
     counts: Dict[str, int] = {}
-    for session in sorted(sessions, key=lambda one: (one["scene"], one["started_us"])):
+    for session in sorted(sessions, key=lambda one: (one["scene"], one["started_us"] or 0)):
         counts[session["scene"]] = counts.get(session["scene"], 0) + 1
         rows.append(
             [
@@ -342,7 +234,7 @@ def draw(sessions: Sequence[Dict[str, Any]], title: str) -> bytes:
 def as_csv(sessions: Sequence[Dict[str, Any]]) -> str:
     """A row for each session. A value that is not known is empty."""
     out = io.StringIO()
-    names = ["trainee", "group", "scene", "started_us", *_VERDICTS, *_FIGURES, "file"]
+    names = ["trainee", "group", "scene", "started_us", *VERDICTS, *FIGURES, "file"]
     writer = csv.DictWriter(out, names, lineterminator="\n")
     writer.writeheader()
     writer.writerows(sessions)
