@@ -2,13 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <string>
 #include <utility>
 
 #include "catch2/catch.hpp"
+#include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/mesh_picture.h"
 #include "host/simulator/vessel/triangle_bvh.h"
 #include "tests/support/file_contents.h"
 #include "tests/support/made_meshes.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::vessel {
@@ -82,6 +86,42 @@ TEST_CASE("a closed surface is entered behind its flat ends, or else at its wide
   CHECK(widest.entries[0].room_mm > 3.5);
   CHECK(std::abs(widest.entries[0].direction.x()) > 0.9);
   CHECK_THAT(ProposeScene(widest), Contains("the widest place"));
+}
+
+// The same surface with own vertices for each triangle.
+TriangleMesh Apart(const TriangleMesh& mesh) {
+  TriangleMesh apart;
+  for (const auto& triangle : mesh.triangles) {
+    const auto first = static_cast<int32_t>(apart.vertices_mm.size());
+    for (const int32_t vertex : triangle) apart.vertices_mm.push_back(mesh.vertices_mm[vertex]);
+    apart.triangles.push_back({first, first + 1, first + 2});
+  }
+  return apart;
+}
+
+TEST_CASE("a shipped surface has the same few entries in any unit, with shared vertices or not") {
+  const auto& [file, unit, entries] = GENERATE(
+      table<std::string, MeshUnit, size_t>({{"neuro_arch/surface.obj", MeshUnit::kMillimeter, 1},
+                                            {"abdominal_aorta/surface.stl", MeshUnit::kMeter, 6}}));
+  const std::string path = test::SourcePath("/host/scenes/meshes/" + file);
+  const TriangleMesh mesh = ImportMesh(test::Contents(path), path, UnitOf(unit).mm);
+  const MeshCheck first = CheckOf(mesh);
+  REQUIRE(first.entries.size() == entries);
+  // All faces of the coarse neuro_arch meet at sharp edges, as ends do.
+  CHECK((first.doubtful_ends > 0) == (entries == 1));
+  CHECK((DescribeCheck(first).find("look like ends") != std::string::npos) == (entries == 1));
+  for (const double units_per_mm : {1000.0, 1.0, 0.001}) {
+    for (const TriangleMesh& same : {mesh, Apart(mesh)}) {
+      CAPTURE(units_per_mm, same.vertices_mm.size());
+      const MeshCheck check = CheckOf(same, units_per_mm);
+      CHECK(check.doubtful_ends == first.doubtful_ends);
+      REQUIRE(check.entries.size() == entries);
+      for (size_t k = 0; k < entries; ++k) {
+        CHECK((check.entries[k].point_mm - first.entries[k].point_mm).norm() < 0.2);
+        CHECK((check.entries[k].direction - first.entries[k].direction).norm() < 0.01);
+      }
+    }
+  }
 }
 
 TEST_CASE("neither a file's name nor a surface far away does harm") {

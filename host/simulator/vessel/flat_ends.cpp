@@ -20,8 +20,9 @@ namespace {
 constexpr double kSmallestEndMm = 0.4;
 // Least cosine between two faces of one flat part: 2 degrees.
 constexpr double kFlat = 0.9994;
-// Largest square of a rim's length over that of a circle of the same area.
-constexpr double kEndRoundness = 2.2;
+// Largest square of a rim's length over that of a circle of the same area. An ellipse of 3 to 1 has
+// 1.5, no triangle less than 1.65.
+constexpr double kEndRoundness = 1.6;
 // Largest mean cosine between an end and the wall about it.
 constexpr double kLikeEnd = 0.7;
 

@@ -22,6 +22,8 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kLeastRoomMm = 0.3;
+// No vessel is cut at more places. A coarser surface has as many faces that look like ends.
+constexpr size_t kMostFlatEnds = 24;
 
 // Rounds to the digits that a scene will have.
 Vector3d Rounded(const Vector3d& v, double per_unit) {
@@ -75,9 +77,9 @@ EntryProposal WidestPlace(const TriangleBvh& surface) {
   return best;
 }
 
-std::vector<EntryProposal> ProposeEntries(const SurfaceMesh& surface) {
+void ProposeEntries(const SurfaceMesh& surface, MeshCheck& check) {
   const TriangleBvh bvh(surface.mesh);
-  std::vector<EntryProposal> entries;
+  std::vector<EntryProposal>& entries = check.entries;
   const auto add_behind = [&](const std::vector<Opening>& ends, const char* place) {
     for (const Opening& end : ends) {
       entries.push_back(BehindOpening(bvh, end));
@@ -85,10 +87,16 @@ std::vector<EntryProposal> ProposeEntries(const SurfaceMesh& surface) {
     }
   };
   add_behind(surface.report.openings, "behind an open end");
-  if (entries.empty()) add_behind(FindFlatEnds(surface.mesh), "behind a flat end");
+  if (entries.empty()) {
+    const std::vector<Opening> ends = FindFlatEnds(surface.mesh);
+    if (ends.size() <= kMostFlatEnds) {
+      add_behind(ends, "behind a flat end");
+    } else {
+      check.doubtful_ends = ends.size();
+    }
+  }
   if (entries.empty()) entries.push_back(WidestPlace(bvh));
   std::erase_if(entries, [](const EntryProposal& entry) { return entry.room_mm < kLeastRoomMm; });
-  return entries;
 }
 
 std::string Text(const Vector3d& v, int digits) {
@@ -124,7 +132,7 @@ MeshCheck CheckMesh(const std::string& contents, const std::string& path) {
     check.edges = repair::FindEdgeFaults(check.raw);
     repair::Parts(check.raw, &check.components);
     check.surface = RepairSurface(std::move(file), path, unit);
-    check.entries = ProposeEntries(*check.surface);
+    ProposeEntries(*check.surface, check);
   } catch (const UserError& error) {
     check.refusal = error.what();
   }
@@ -166,6 +174,11 @@ std::string DescribeCheck(const MeshCheck& check) {
                                        : "a lumen whose normals point outward");
     for (std::size_t i = 1; i < report.findings.size(); ++i) {
       line(i == 1 ? "findings" : "", report.findings[i]);
+    }
+    if (check.doubtful_ends > 0) {
+      line("flat ends", fmt::format("{} faces look like ends, more than a vessel has; so the entry "
+                                    "is the widest place",
+                                    check.doubtful_ends));
     }
     line("loads", "yes");
   } else {

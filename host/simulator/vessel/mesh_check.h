@@ -37,6 +37,9 @@ struct MeshCheck {
   std::string refusal;  ///< error message of a scene with this surface
   std::vector<EntryProposal>
       entries;  ///< one for each open end, else each flat end, else the widest place
+  /// Number of parts of a coarse surface that look like flat ends, if they are too many for a
+  /// vessel. Then no flat end is proposed.
+  size_t doubtful_ends = 0;
 };
 
 /// Checks the bytes of a surface file. `path` names it in messages; its extension gives the format.
