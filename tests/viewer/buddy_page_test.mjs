@@ -44,6 +44,15 @@ after(async () => {
   rmSync(folder, { recursive: true, force: true });
 });
 
+test("only the innermost curve has colors of contact, and another one is gray", async () => {
+  const [inner, beside] = await until("both wires are drawn", () => page.evaluate(() => {
+    const space = window.torquer?.space;
+    return space?.drawn() != null && [0, 1].every((k) => space.tubeMm(k).length > 1) && [0, 1].map((k) => space.tubeColor(k));
+  }));
+  assert.equal(beside, "8a959d");
+  assert.notEqual(inner, beside);
+});
+
 test("a wire beside another is drawn along its own nodes", async () => {
   const { state, tubes } = await until("both wires are drawn", () => page.evaluate(() => {
     const space = window.torquer?.space;

@@ -68,7 +68,8 @@ export class Instruments {
       const radius = Math.max(scene.instruments[k]!.radius_mm, leastMm * (1 + 0.5 * countInside(state, k)));
       const own = state.instruments[k]!.nodesMm;
       if (own.length > 0) {
-        tube.set(own, own.length / 3, radius, (_, out) => colorAt(0, out));
+        // A state has the contacts of the innermost curve only.
+        tube.set(own, own.length / 3, radius, (_, out) => colorAt(NaN, out));
         continue;
       }
       const count = k === 0 ? state.nodesMm.length / 3 : nodesOf(state, k);
@@ -76,6 +77,11 @@ export class Instruments {
         measured ? state.contactMN[node]! / FORCE_MN : state.depthUm[node]! / DEPTH_UM;
       tube.set(state.nodesMm, count, radius, (node, out) => colorAt(share(node), out));
     }
+  }
+
+  /** Color of the tube of an instrument at its entry, as a hexadecimal number: for tests. */
+  colorOf(instrument: number): string {
+    return this.tubes[instrument]?.color() ?? "";
   }
 
   /** Middle of each ring of the tube of an instrument as it is drawn: for tests. */

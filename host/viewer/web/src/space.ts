@@ -240,6 +240,11 @@ export class Space {
     return this.instruments.middlesMm(instrument);
   }
 
+  /** Color of the tube of an instrument at its entry: for tests. */
+  tubeColor(instrument: number): string {
+    return this.instruments.colorOf(instrument);
+  }
+
   private showLines(): void {
     this.guides.clear();
     this.motion = new VesselMotion([]);

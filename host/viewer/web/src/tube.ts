@@ -60,6 +60,12 @@ export class Tube {
     position.needsUpdate = normal.needsUpdate = colors.needsUpdate = true;
   }
 
+  /** Color of the first ring, as a hexadecimal number. */
+  color(): string {
+    const colors = this.geometry.getAttribute("color") as THREE.BufferAttribute;
+    return new THREE.Color().fromBufferAttribute(colors, 0).getHexString();
+  }
+
   /** Middle of each ring. */
   middles(): number[][] {
     if (!this.mesh.visible || this.capacity === 0) return [];
