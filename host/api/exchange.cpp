@@ -6,6 +6,7 @@
 
 #include "host/api/impl.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 
 namespace torquer {
 
@@ -18,9 +19,9 @@ int NumberOf(const std::string& instrument, const Scene& scene) {
     names.push_back(known.name);
   }
   const std::string near = NearestName(instrument, names);
-  throw Error(fmt::format("{} has no instrument {}; {}there are: {}", scene.name(), instrument,
-                          near.empty() ? "" : fmt::format("did you mean {}? ", near),
-                          fmt::join(names, ", ")));
+  throw Error(fmt::format(
+      "{} has no instrument {}; {}there are: {}", Printable(scene.name()), Printable(instrument),
+      near.empty() ? "" : fmt::format("did you mean {}? ", near), fmt::join(names, ", ")));
 }
 
 }  // namespace

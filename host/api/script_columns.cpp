@@ -12,6 +12,7 @@
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 
 namespace torquer {
 
@@ -64,7 +65,7 @@ void ScriptColumns::TakeColumn(std::size_t index) {
   const std::string near = NearestName(name, known);
   throw UserError(
       fmt::format("{}:{}: a script for {} cannot have the column {}; {}known columns: {}",
-                  table_.path, table_.header_line, scene_, name,
+                  table_.path, table_.header_line, scene_, Printable(name),
                   near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
 }
 

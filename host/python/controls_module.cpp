@@ -7,8 +7,11 @@
 
 #include "host/python/module.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 
 namespace py = pybind11;
+using torquer::Printable;
+using torquer::python::Reduce;
 using torquer::python::Represent;
 
 namespace {
@@ -27,7 +30,7 @@ torquer::Imaging::Mode ModeOf(const std::string& name) {
   if (found != std::end(kModes)) {
     return static_cast<torquer::Imaging::Mode>(found - std::begin(kModes));
   }
-  throw torquer::Error("mode is '" + name + "'; " + DidYouMean(name, kModes) +
+  throw torquer::Error("mode is '" + Printable(name) + "'; " + DidYouMean(name, kModes) +
                        "give as_scene, plain, subtraction, roadmap or cine");
 }
 
@@ -43,7 +46,7 @@ torquer::Injector::Order OrderOf(const std::string& name) {
   if (found != std::end(kOrders)) {
     return static_cast<torquer::Injector::Order>(found - std::begin(kOrders));
   }
-  throw torquer::Error("order is '" + name + "'; " + DidYouMean(name, kOrders) +
+  throw torquer::Error("order is '" + Printable(name) + "'; " + DidYouMean(name, kOrders) +
                        "give off, arm or inject");
 }
 
@@ -68,6 +71,10 @@ void AddInjector(py::module_& module) {
            [](const py::object& self) {
              return Represent(self, "Injector",
                               {"order", "volume_mL", "rate_mL_s", "delay_s", "rise_s"});
+           })
+      .def("__reduce__",
+           [](const py::object& self) {
+             return Reduce(self, {"order", "volume_mL", "rate_mL_s", "delay_s", "rise_s"});
            })
       .def_property_readonly(
           "order", [](const Injector& self) { return kOrders[static_cast<int>(self.order)]; })
@@ -112,6 +119,11 @@ void AddImaging(py::module_& module) {
              return Represent(self, "Imaging",
                               {"mode", "pulses_per_s", "magnification", "left", "right", "top",
                                "bottom", "wedge_left", "wedge_right"});
+           })
+      .def("__reduce__",
+           [](const py::object& self) {
+             return Reduce(self, {"mode", "pulses_per_s", "magnification", "left", "right", "top",
+                                  "bottom", "wedge_left", "wedge_right"});
            })
       .def_property_readonly(
           "mode", [](const Imaging& self) { return kModes[static_cast<int>(self.mode)]; })

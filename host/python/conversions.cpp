@@ -7,6 +7,7 @@
 
 #include "host/python/module.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 #include "host/support/unit_of_name.h"
 
 namespace py = pybind11;
@@ -41,7 +42,19 @@ std::vector<Point> ToPoints(const Rows& rows, const char* name) {
 }
 
 std::string PathText(const py::object& path) {
-  return py::module_::import("os").attr("fspath")(path).cast<std::string>();
+  const py::object text = py::module_::import("os").attr("fspath")(path);
+  try {
+    return text.cast<std::string>();
+  } catch (const py::cast_error&) {
+    throw Error(Printable(py::repr(text).cast<std::string>()) + ": is no path; check the path");
+  }
+}
+
+py::tuple Reduce(const py::object& self, std::initializer_list<const char*> of) {
+  py::dict values;
+  for (const char* const property : of) values[property] = self.attr(property);
+  const py::object partial = py::module_::import("functools").attr("partial");
+  return py::make_tuple(partial(py::type::of(self), **values), py::tuple());
 }
 
 py::str Represent(const py::object& self, const char* name, std::initializer_list<const char*> of) {
@@ -72,6 +85,8 @@ void AddUnits(py::module_& module) {
       "no unit.");
   module.def("nearest_name", &NearestName, py::arg("given"), py::arg("known"),
              "Known name that `given` most likely meant; '' if none is near.");
+  module.def("printable", &Printable, py::arg("text"), py::arg("most_bytes"),
+             "Text for a message: without invisible characters, cut after most_bytes.");
 }
 
 }  // namespace torquer::python

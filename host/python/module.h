@@ -43,10 +43,12 @@ namespace pybind11::detail {
 TORQUER_MADE(torquer::InstrumentInfo);
 TORQUER_MADE(torquer::Scene);
 TORQUER_MADE(torquer::Surface);
+TORQUER_MADE(torquer::SurfaceCheck);
 TORQUER_MADE(torquer::ScriptRow);
 TORQUER_MADE(torquer::StepReport);
 TORQUER_MADE(torquer::Sensitivity);
 TORQUER_MADE(torquer::Imaging);
+TORQUER_MADE(torquer::Injector);
 TORQUER_MADE(torquer::Simulation);
 TORQUER_MADE(torquer::python::NavigationTask);
 TORQUER_MADE(torquer::python::Navigation);
@@ -96,6 +98,9 @@ std::string PathText(const pybind11::object& path);
 
 /// Reads a scene by its path or name, without Python's lock.
 Scene SceneFrom(const pybind11::object& path);
+
+/// Arguments that make an object again from its properties, for pickles and copies.
+pybind11::tuple Reduce(const pybind11::object& self, std::initializer_list<const char*> of);
 
 /// Representation of an object with some of its properties, such as "Imaging(mode='plain')".
 pybind11::str Represent(const pybind11::object& self, const char* name,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "host/python/module.h"
+#include "host/support/printable_text.h"
 
 namespace py = pybind11;
 
@@ -20,8 +21,10 @@ Scene SceneFrom(const py::object& path) {
 
 namespace {
 
+std::string Shown(py::handle value) { return Printable(py::repr(value).cast<std::string>()); }
+
 [[noreturn]] void RefuseValue(const std::string& key, py::handle value) {
-  throw Error("the value of " + key + " is " + py::repr(value).cast<std::string>() +
+  throw Error("the value of " + Printable(key) + " is " + Shown(value) +
               "; give True, False, a number, a text, None, or a list of numbers, texts or points");
 }
 
@@ -48,6 +51,9 @@ Value ToList(const std::string& key, py::handle value) {
 }
 
 Value ToValue(const std::string& key, py::handle value) {
+  if (py::isinstance<py::array>(value) && py::reinterpret_borrow<py::array>(value).ndim() == 0) {
+    return ToValue(key, value.attr("item")());
+  }
   const bool is_numpy_bool = std::string(Py_TYPE(value.ptr())->tp_name).rfind("numpy.bool", 0) == 0;
   try {
     if (value.is_none()) return std::monostate();
@@ -85,10 +91,16 @@ Scene WithValues(const Scene& scene, const py::dict& values) {
   Values all;
   for (const auto& [key, value] : values) {
     if (!py::isinstance<py::str>(key)) {
-      throw Error("a key of values is " + py::repr(key).cast<std::string>() +
+      throw Error("a key of values is " + Shown(key) +
                   "; give a text, as 'effects.friction.coefficient'");
     }
-    const auto name = key.cast<std::string>();
+    std::string name;
+    try {
+      name = key.cast<std::string>();
+    } catch (const py::cast_error&) {
+      throw Error("a key of values is " + Shown(key) +
+                  ", which is not Unicode; give a key of a scene");
+    }
     all.emplace_back(name, ToValue(name, value));
   }
   const py::gil_scoped_release free;

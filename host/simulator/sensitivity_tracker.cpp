@@ -9,6 +9,7 @@
 
 #include "host/simulator/scene/value_of_key.h"
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 
 namespace torquer::simulator {
 
@@ -48,7 +49,7 @@ void CheckKey(const scene::Scene& scene, const std::string& key) {
   }
   Refuse(scene.path(), fmt::format("\"{}\" is no key of an instrument or of an effect, nor "
                                    "vessel.wall_stiffness_N_mm2; name such a key",
-                                   key));
+                                   Printable(key)));
 }
 
 // True if a wire of both scenes can have the same segments at the same hands.

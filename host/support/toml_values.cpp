@@ -7,6 +7,7 @@
 
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
+#include "host/support/printable_text.h"
 
 namespace torquer {
 
@@ -19,7 +20,7 @@ struct Place {
   const std::string& path;
 
   [[noreturn]] void Refuse(const std::string& problem) const {
-    throw UserError(fmt::format("{}: the key \"{}\" {}", path, key, problem));
+    throw UserError(fmt::format("{}: the key \"{}\" {}", path, Printable(key), problem));
   }
 };
 

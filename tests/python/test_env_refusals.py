@@ -1,6 +1,7 @@
 """Environments refuse the same steps alone and in a vector, and report if a result is unknown."""
 
 import copy
+import dataclasses
 import math
 import os
 import pickle
@@ -106,6 +107,46 @@ def test_single_and_vector_refuse_unknown_options():
             many.reset(options={"reset_mask": bad})
     with pytest.raises(torquer.Error, match="renders nothing"):
         torquer.envs.make_vec("ty_phantom", 2, render_mode="rgb_array")
+
+
+TASK = torquer.envs.Task("side", 40.0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"within_mm": "1"}, "within_mm is '1'; give a number"),
+        ({"at_mm": None}, "at_mm is None; give a number"),
+        ({"step_s": True}, "step_s is True; give a number"),
+        ({"segment_mm": "x"}, "segment_mm is 'x'; give a number"),
+        ({"centerline": 3}, "centerline is 3; give the name"),
+        ({"other_targets": None}, "other_targets is None; give a tuple"),
+        ({"other_targets": "side"}, "other_targets is 'side'; give a tuple"),
+    ],
+)
+def test_a_task_with_a_value_of_another_type_is_refused(changed, said):
+    task = dataclasses.replace(TASK, **changed)
+    for make in (torquer.envs.NavigationEnv, lambda scene, task: torquer.envs.VectorEnv(scene, 1, task=task)):
+        with pytest.raises(torquer.Error, match=said):
+            make("ty_phantom", task)
+
+
+def test_an_environment_without_a_task_or_an_observation_is_refused():
+    with pytest.raises(torquer.Error, match="task is 'side'; give a torquer.envs.Task"):
+        torquer.envs.NavigationEnv("ty_phantom", "side")
+    for observation in (None, 3, ("vector", None), np.array(3)):
+        with pytest.raises(torquer.Error, match="observation is"):
+            torquer.envs.NavigationEnv("ty_phantom", TASK, observation)
+
+
+def test_targets_and_rewards_of_another_type_are_refused():
+    env = torquer.envs.NavigationEnv("ty_phantom", TASK, reward=lambda moment: None)
+    for target in (("side", "40"), ("side", None), np.array(["side", 40], object), (3, 40)):
+        with pytest.raises(torquer.Error, match="target is"):
+            env.reset(options={"target": target})
+    assert env.reset(seed=0, options={"target": ("side", np.float32(40))})[1]["target_at_mm"] == 40
+    with pytest.raises(torquer.Error, match="the reward is None; return a finite number"):
+        env.step([1.0, 0.0])
 
 
 def test_a_reset_mask_resets_only_the_chosen_environments():

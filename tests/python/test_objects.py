@@ -45,6 +45,12 @@ def test_a_deep_copy_continues_alone(phantom):
     assert simulation.state_hash == before != twin.state_hash
 
 
+def test_settings_are_copied_and_pickled():
+    for given in (torquer.Imaging("cine", magnification=2, wedge_left=(0.2, 10)), torquer.Injector("arm", volume_mL=5)):
+        for other in (copy.copy(given), copy.deepcopy(given), pickle.loads(pickle.dumps(given))):
+            assert other is not given and repr(other) == repr(given)
+
+
 def test_objects_show_their_contents(phantom):
     simulation = torquer.Simulation(phantom)
     report = simulation.step(0.1, simulation.hands)
@@ -120,6 +126,11 @@ def test_a_scene_with_values_of_python(phantom):
     for bad in (object(), [1, "a"], [[1, 2]], {"a": 1}, 2**70, []):
         with pytest.raises(torquer.Error, match="relaxation.budget_units"):
             phantom.with_values({"relaxation.budget_units": bad})
+    assert "coefficient = 0.25" in phantom.with_values({"effects.friction.coefficient": np.array(0.25)}).text
+    with pytest.raises(torquer.Error, match="not Unicode"):
+        phantom.with_values({"\ud800": 1})
+    with pytest.raises(torquer.Error, match="is no path"):
+        torquer.Scene("\ud800")
     with pytest.raises(torquer.Error, match="a key of values is 7; give a text"):
         phantom.with_values({7: 1})
     with pytest.raises(torquer.Error, match=r"mine\.toml:4: vessel.kind"):

@@ -290,8 +290,8 @@ def test_absurd_numbers_of_points_are_refused(phantom):
 
 def test_an_object_that_was_not_made_is_refused(phantom):
     simulation = torquer.Simulation(phantom)
-    for kind in (torquer.Scene, torquer.Simulation, torquer.StepReport, torquer.Imaging, torquer.InstrumentInfo,
-                 torquer._torquer.Navigation, torquer._torquer.NavigationPool, torquer._torquer.NavigationTask):
+    for kind in (torquer.Scene, torquer.Simulation, torquer.StepReport, torquer.Imaging, torquer.InstrumentInfo, torquer.Injector,
+                 torquer.SurfaceCheck, torquer._torquer.Navigation, torquer._torquer.NavigationPool, torquer._torquer.NavigationTask):
         empty = kind.__new__(kind)
         tried = 0
         for name in dir(kind):

@@ -116,7 +116,9 @@ TEST_CASE("a name as long as a file is looked for as soon as a short one") {
   const std::string name(50'000, 'a'), other(50'000, 'b');
   const CenterlineNetwork network({Straight(name, {0, 0, 0}, {50, 0, 0})});
   const std::clock_t before = std::clock();
-  CHECK_THROWS_WITH(network.Find(other), Contains(other) && Contains(name));
+  CHECK_THROWS_WITH(network.Find(other), Contains(other.substr(0, 400)) &&
+                                             Contains(name.substr(0, 400)) &&
+                                             !Contains(other.substr(0, 600)));
   CHECK(std::clock() - before < CLOCKS_PER_SEC);
 }
 

@@ -33,7 +33,7 @@ from ._torquer import (
     unit_of,
 )
 from ._devices import Device, device, device_names, shipped
-from ._names import did_you_mean as _did_you_mean
+from ._names import did_you_mean as _did_you_mean, shown as _shown
 from .states import States, read_states
 
 __all__ = [
@@ -71,7 +71,7 @@ def scene_path(name: str) -> str:
     """Path of a scene that Torquer ships."""
     names = scene_names()
     if name not in names:
-        raise Error(f"there is no scene {name!r}; {_did_you_mean(name, names)}there are: {', '.join(names)}")
+        raise Error(f"there is no scene {_shown(name)}; {_did_you_mean(name, names)}there are: {', '.join(names)}")
     return str(shipped("scenes") / f"{name}.toml")
 
 

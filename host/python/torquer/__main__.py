@@ -6,7 +6,7 @@ import sys
 from typing import Any
 
 from . import Error, __version__, _command, baselines, benchmark, centerlines, envs, export, guide3d, steve
-from ._names import did_you_mean
+from ._names import did_you_mean, shown
 
 
 def _add_baselines(commands: Any) -> None:
@@ -89,7 +89,7 @@ def main() -> int:
             for name in arguments.tasks:
                 if name not in envs.TASKS:
                     near = did_you_mean(name, envs.TASKS)
-                    raise Error(f"there is no task {name!r}; {near}there are: {', '.join(envs.TASKS)}")
+                    raise Error(f"there is no task {shown(name)}; {near}there are: {', '.join(envs.TASKS)}")
             result = benchmark.run(arguments.tasks)
             print(benchmark.as_json(result) if arguments.json else benchmark.as_table(result))
             return 0

@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, Optional, Sequence
 import numpy as np
 
 from . import Error, Scene
+from ._names import shown
 from ._navigation import Observation, Prepared, Task, whole
 
 SceneDraw = Callable[[np.random.Generator], Scene]
@@ -78,7 +79,7 @@ def generator_of(seed: Any) -> np.random.Generator:
     try:
         return np.random.default_rng(seed)
     except (TypeError, ValueError):
-        raise Error(f"seed is {seed!r}; give a whole number from 0 on, or a numpy.random.Generator") from None
+        raise Error(f"seed is {shown(seed)}; give a whole number from 0 on, or a numpy.random.Generator") from None
 
 
 def numbers(values: Any) -> str:

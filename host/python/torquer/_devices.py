@@ -7,7 +7,7 @@ import pathlib
 import tomllib
 from typing import Any, Dict, List
 
-from ._names import did_you_mean
+from ._names import did_you_mean, shown
 from ._torquer import Error
 
 
@@ -48,6 +48,6 @@ def device(name: str) -> Device:
     """A device that Torquer ships."""
     names = device_names()
     if name not in names:
-        raise Error(f"there is no device {name!r}; {did_you_mean(name, names)}there are: {', '.join(names)}")
+        raise Error(f"there is no device {shown(name)}; {did_you_mean(name, names)}there are: {', '.join(names)}")
     table = tomllib.loads((shipped("devices") / f"{name}.toml").read_text(encoding="utf-8"))
     return Device(name, table["kind"], table["product"], table["assumed"].strip(), table["instrument"], table["source"])

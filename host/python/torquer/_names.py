@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Dict, Iterable
 
-from ._torquer import Error, nearest_name
+from ._torquer import Error, nearest_name, printable
+
+
+def shown(value: Any) -> str:
+    """A value that a user gave, for a message. A long one is cut and ends with ".."."""
+    return printable(repr(value), 200)
 
 
 def did_you_mean(given: Any, known: Iterable[str]) -> str:
@@ -16,7 +21,7 @@ def did_you_mean(given: Any, known: Iterable[str]) -> str:
 def first_unknown(given: Iterable[Any], known: Iterable[str]) -> Any:
     """First element that is not among the known names, or None."""
     names = list(known)
-    return next((one for one in given if one not in names), None)
+    return next((one for one in given if not isinstance(one, str) or one not in names), None)
 
 
 class UnknownName(Error, KeyError):
@@ -30,4 +35,4 @@ class Readings(Dict[str, float]):
 
     def __missing__(self, name: str) -> float:
         there = f"there are: {', '.join(self)}" if self else "the scene has none"
-        raise UnknownName(f"there is no reading {name!r}; {did_you_mean(name, self)}{there}")
+        raise UnknownName(f"there is no reading {shown(name)}; {did_you_mean(name, self)}{there}")

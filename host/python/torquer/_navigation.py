@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import numbers
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation
-from ._names import did_you_mean, first_unknown
+from ._names import did_you_mean, first_unknown, shown
 from ._spaces import Box, DictSpace
-from ._torquer import FACTS, Navigation, NavigationTask
+from ._torquer import FACTS, Navigation, NavigationTask, printable
 from ._tracking import Tracker
 
 
@@ -60,6 +61,26 @@ class Task:
         )
 
 
+def _require_number(what: str, value: Any) -> None:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise Error(f"{what} is {shown(value)}; give a number")
+
+
+def _check(task: Any) -> None:
+    """Checks the types of a task that a user gave."""
+    if not isinstance(task, Task):
+        raise Error(f"task is {shown(task)}; give a torquer.envs.Task")
+    if not isinstance(task.centerline, str):
+        raise Error(f"centerline is {shown(task.centerline)}; give the name of a centerline")
+    for name in ("at_mm", "within_mm", "step_s", "longest_mm", "largest_turn_rad", "force_limit_mN", "tolerance"):
+        _require_number(name, getattr(task, name))
+    for name in ("segment_mm", "longest_feed_mm", "longest_tick_ms"):
+        if getattr(task, name) is not None:
+            _require_number(name, getattr(task, name))
+    if not isinstance(task.other_targets, (tuple, list)):
+        raise Error(f"other_targets is {shown(task.other_targets)}; give a tuple of targets")
+
+
 def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
     """Scene with the settings of a task, and with an observer of the wall's force."""
     values: Dict[str, Any] = {"relaxation.tolerance": task.tolerance}
@@ -80,7 +101,7 @@ def whole(what: str, value: Any, lowest: int, highest: int) -> int:
     """Checks a whole number that a user gave."""
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and lowest <= value <= highest:
         return int(value)
-    raise Error(f"{what} is {value!r}; give a whole number from {lowest} to {highest}")
+    raise Error(f"{what} is {shown(value)}; give a whole number from {lowest} to {highest}")
 
 
 OBSERVATIONS = ("vector", "picture", "tracking")
@@ -88,10 +109,13 @@ OBSERVATIONS = ("vector", "picture", "tracking")
 
 def parts_of(observation: Observation) -> Tuple[str, ...]:
     """Names of the parts of an observation."""
-    parts = (observation,) if isinstance(observation, str) else tuple(observation)
+    try:
+        parts = (observation,) if isinstance(observation, str) else tuple(observation)
+    except TypeError:
+        parts = ()
     if not parts or len(set(parts)) < len(parts) or any(part not in OBSERVATIONS for part in parts):
         near = did_you_mean(first_unknown(parts, OBSERVATIONS), OBSERVATIONS)
-        raise Error(f"observation is {observation!r}; {near}give 'vector', 'picture' or 'tracking', or some of them as a tuple for a dict")
+        raise Error(f"observation is {shown(observation)}; {near}give 'vector', 'picture' or 'tracking', or some of them as a tuple for a dict")
     return parts
 
 
@@ -104,9 +128,9 @@ class Targets:
         self.ranges: List[Tuple[str, float, float]] = [(task.centerline, float(task.at_mm), float(task.at_mm))]
         for given in task.other_targets:
             name, *at_mm = given if isinstance(given, (tuple, list)) else (given,)
-            good = isinstance(name, str) and len(at_mm) in (1, 2) and all(isinstance(at, (int, float)) for at in at_mm)
+            good = isinstance(name, str) and len(at_mm) in (1, 2) and all(isinstance(at, numbers.Real) for at in at_mm)
             if not good or not at_mm[0] <= at_mm[-1]:
-                raise Error(f"other_targets has {given!r}; give (centerline, at_mm) or (centerline, lowest, highest)")
+                raise Error(f"other_targets has {shown(given)}; give (centerline, at_mm) or (centerline, lowest, highest)")
             self.ranges.append((name, float(at_mm[0]), float(at_mm[-1])))
         # The ends of all ranges must be in the vessel.
         self.ends = [self.route((name, at)) for name, low, high in self.ranges for at in {low, high}]
@@ -129,19 +153,22 @@ class Targets:
         if given is None:
             return None
         for name, low, high in self.ranges:
-            if isinstance(given, (tuple, list)) and len(given) == 2 and given[0] == name and low <= given[1] <= high:
-                return name, float(given[1])
+            if isinstance(given, (tuple, list)) and len(given) == 2 and given[0] == name and isinstance(given[1], numbers.Real):
+                at_mm = float(given[1])
+                if low <= at_mm <= high:
+                    return name, at_mm
         names = [name for name, _, _ in self.ranges]
         known = ", ".join(f"({name!r}, {low:g})" if low == high else f"({name!r}, {low:g} to {high:g})" for name, low, high in self.ranges)
         name = given[0] if isinstance(given, (tuple, list)) and given else given
         near = did_you_mean(first_unknown([name], names), names)
-        raise Error(f"target is {given!r}; {near}give a centerline and at_mm of the task's targets: {known}")
+        raise Error(f"target is {shown(given)}; {near}give a centerline and at_mm of the task's targets: {known}")
 
 
 class Prepared:
     """Common parts of a single environment and a vector of them."""
 
     def __init__(self, scene: Union[Scene, str], task: Task, observation: Observation, sees: bool) -> None:
+        _check(task)
         self.parts = parts_of(observation)
         self.is_dict = not isinstance(observation, str)
         given = scene if isinstance(scene, Scene) else Scene(scene)
@@ -214,7 +241,7 @@ def action_values(actions: npt.ArrayLike, shape: Tuple[int, ...], name: str) -> 
     try:
         values = np.asarray(actions, float)
     except (TypeError, ValueError) as error:
-        raise Error(f"{name} not an array of numbers ({error})") from None
+        raise Error(f"{name} not an array of numbers ({printable(str(error), 200)})") from None
     if values.shape != shape:
         raise Error(f"{name} of the shape {values.shape}; give {shape}")
     if not np.isfinite(values).all():
@@ -227,10 +254,10 @@ def check_options(options: Optional[Dict[str, Any]], known: Sequence[str]) -> Di
     if options is None:
         return {}
     if not isinstance(options, dict):
-        raise Error(f"options are {options!r}; give a dict, as {{'rotation_rad': 0.5}}")
+        raise Error(f"options are {shown(options)}; give a dict, as {{'rotation_rad': 0.5}}")
     for name in options:
         if name not in known:
-            raise Error(f"options have {name!r}; {did_you_mean(name, known)}give only {', '.join(known)}")
+            raise Error(f"options have {shown(name)}; {did_you_mean(name, known)}give only {', '.join(known)}")
     return options
 
 
@@ -242,7 +269,7 @@ def chosen_rotation(options: Dict[str, Any]) -> Optional[float]:
     try:
         return float(chosen)
     except (TypeError, ValueError):
-        raise Error(f"rotation_rad is {chosen!r}; give a number") from None
+        raise Error(f"rotation_rad is {shown(chosen)}; give a number") from None
 
 
 def start_rotation(random: np.random.Generator, chosen: Optional[float]) -> float:
@@ -256,7 +283,7 @@ def chosen_mask(options: Dict[str, Any], count: int) -> npt.NDArray[np.bool_]:
     if mask is None:
         return np.ones(count, bool)
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
-        raise Error(f"reset_mask is {mask!r}; give an array of {count} booleans, at least one of them True")
+        raise Error(f"reset_mask is {shown(mask)}; give an array of {count} booleans, at least one of them True")
     return mask
 
 
@@ -274,7 +301,7 @@ TASKS: Dict[str, Task] = {
 
 def task_of(name: str, task: Optional[Task]) -> Task:
     if name not in TASKS:
-        raise Error(f"there is no task {name!r}; {did_you_mean(name, TASKS)}there are: {', '.join(TASKS)}")
+        raise Error(f"there is no task {shown(name)}; {did_you_mean(name, TASKS)}there are: {', '.join(TASKS)}")
     return TASKS[name] if task is None else task
 
 
@@ -295,10 +322,14 @@ End = Callable[[Moment], bool]
 
 def rewarded(moment: Moment, reward: Optional[Reward], end: Optional[End]) -> Tuple[float, bool]:
     """Reward of a step, and True if the user's end is reached."""
-    given = moment.reward if reward is None else float(reward(moment))
-    if not math.isfinite(given):
-        raise Error(f"the reward is {given}; return a finite number")
-    return given, end is not None and bool(end(moment))
+    given: Any = moment.reward if reward is None else reward(moment)
+    try:
+        number = float(given)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise Error(f"the reward is {shown(given)}; return a finite number")
+    return number, end is not None and bool(end(moment))
 
 
 # Facts of a step that its info has; those before are the values that step() returns.

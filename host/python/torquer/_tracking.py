@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Simulation
+from ._names import shown
 from ._polyline import arcs_of, at_arcs
 from ._spaces import Box
 
@@ -23,7 +24,7 @@ class Tracker:
     def __init__(self, size: Tuple[int, int], instrument: int, noise_px: Any) -> None:
         """size: width and height of the picture. noise_px: standard deviation of a coordinate of a tracked point."""
         if isinstance(noise_px, bool) or not isinstance(noise_px, (int, float)) or not 0 <= noise_px < math.inf:
-            raise Error(f"tracking_noise_px is {noise_px!r}; give a number from 0 on")
+            raise Error(f"tracking_noise_px is {shown(noise_px)}; give a number from 0 on")
         self._size = np.array(size, float)
         self._instrument = instrument
         self._noise_px = float(noise_px)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from . import Error, Scene, scene_path
 from ._anatomies import Anatomies, SceneDraw, next_seed
-from ._names import did_you_mean
+from ._names import did_you_mean, shown
 from ._navigation import (
     FIRST_OF_INFO,
     INFO,
@@ -35,7 +35,7 @@ from ._navigation import (
     whole,
 )
 from ._spaces import Box, CopiedWhole, DictSpace, VectorEnv as _BaseVectorEnv, gymnasium, refuse_closed
-from ._torquer import FACTS, NavigationPool
+from ._torquer import FACTS, NavigationPool, printable
 
 Array = npt.NDArray[Any]
 
@@ -78,7 +78,7 @@ class VectorEnv(CopiedWhole, _BaseVectorEnv):  # type: ignore[misc]
         if task is None:
             if not isinstance(name, str) or name not in TASKS:
                 near = did_you_mean(name, TASKS)
-                raise Error(f"there is no task {name!r}; {near}there are: {', '.join(TASKS)}; or give a task")
+                raise Error(f"there is no task {shown(name)}; {near}there are: {', '.join(TASKS)}; or give a task")
             task = TASKS[str(name)]
             name = scene_path(str(name))
         self._anatomies: Optional[Anatomies] = None
@@ -279,13 +279,13 @@ class VectorEnv(CopiedWhole, _BaseVectorEnv):  # type: ignore[misc]
         try:
             which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
         except (TypeError, ValueError) as error:
-            raise Error(f"ids are not an array of numbers ({error})") from None
+            raise Error(f"ids are not an array of numbers ({printable(str(error), 200)})") from None
         if which.dtype.kind not in "iu" and len(which) > 0:
-            raise Error(f"ids are {which.tolist()}; give whole numbers, 0 to {self.num_envs - 1}")
+            raise Error(f"ids are {shown(which.tolist())}; give whole numbers, 0 to {self.num_envs - 1}")
         which = which.astype(int)
         rows = action_values(actions, (len(which), *self.single_action_space.shape), "actions are")
         if len(np.unique(which)) != len(which) or ((which < 0) | (which >= self.num_envs)).any():
-            raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
+            raise Error(f"ids are {shown(which.tolist())}; give each once, 0 to {self.num_envs - 1}")
         if not self._begun:
             raise Error("the environments have not begun; call reset() before step() or send()")
         if self._at_work[which].any():

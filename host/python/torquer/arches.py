@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from . import Error, Scene
 from ._anatomies import SceneDraw, drawn, generator_of, tube_text
-from ._names import did_you_mean, first_unknown
+from ._names import did_you_mean, first_unknown, shown
 from ._navigation import End, Observation, Reward, Task
 from ._vector import VectorEnv
 from .envs import NavigationEnv
@@ -131,7 +131,7 @@ from_tip_mm = [0, 20, 100]
 def _check(types: Sequence[str]) -> None:
     if isinstance(types, str) or not types or any(kind not in TYPES for kind in types):
         near = "" if isinstance(types, str) else did_you_mean(first_unknown(types, TYPES), TYPES)
-        raise Error(f"types are {types!r}; {near}give a list with some of {', '.join(TYPES)}")
+        raise Error(f"types are {shown(types)}; {near}give a list with some of {', '.join(TYPES)}")
 
 
 def draw(seed: Union[int, np.random.Generator], types: Sequence[str] = TYPES) -> Scene:

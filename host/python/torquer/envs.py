@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from . import Error, Scene, Simulation, scene_path
 from ._anatomies import Anatomies, SceneDraw as SceneDraw, next_seed
-from ._names import did_you_mean
+from ._names import did_you_mean, shown
 from ._navigation import (
     TASKS as TASKS,
     End,
@@ -100,7 +100,7 @@ class NavigationEnv(CopiedWhole, Env):  # type: ignore[misc]
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             near = did_you_mean(render_mode, RENDER_MODES)
-            raise Error(f"render_mode is {render_mode!r}; {near}give None, 'rgb_array' or 'human'")
+            raise Error(f"render_mode is {shown(render_mode)}; {near}give None, 'rgb_array' or 'human'")
         sees = render_mode is not None
         self._anatomies: Optional[Anatomies] = None
         self._next_seed: Optional[int] = None
@@ -266,7 +266,7 @@ def make_vec(
 ) -> VectorEnv:
     """VectorEnv of a task in TASKS, or of another task in the same scene."""
     if render_mode is not None:
-        raise Error(f"render_mode is {render_mode!r}, but a vector of environments renders nothing; leave it out")
+        raise Error(f"render_mode is {shown(render_mode)}, but a vector of environments renders nothing; leave it out")
     given = task_of(name, task)
     return VectorEnv(scene_path(name), num_envs, threads, observation, given, copy, reward, end)
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from . import Error, Scene
 from ._anatomies import SceneDraw
+from ._names import shown
 from ._navigation import End, Observation, Reward, Task
 from ._spaces import CopiedWhole, refuse_closed
 from ._vector import VectorEnv
@@ -77,7 +78,7 @@ class StableVecEnv(CopiedWhole, VecEnv):  # type: ignore[misc]
         """Options for the next reset(), the same for all environments."""
         if isinstance(options, list):
             if any(given != options[0] for given in options):
-                raise Error(f"options are {options}; give the same to all environments")
+                raise Error(f"options are {shown(options)}; give the same to all environments")
             options = options[0]
         self._chosen_options = options
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _torquer
-from ._names import UnknownName, did_you_mean
+from ._names import UnknownName, did_you_mean, shown
 from ._user_file import load_json, open_file
 
 Error = _torquer.Error
@@ -44,7 +44,7 @@ class States(Mapping[str, Union[Array, List[Array]]]):
     def __getitem__(self, name: str) -> Union[Array, List[Array]]:
         if name not in self._fields:
             near = did_you_mean(name, self._fields)
-            raise UnknownName(f"there is no field {name!r}; {near}there are: {', '.join(self._fields)}")
+            raise UnknownName(f"there is no field {shown(name)}; {near}there are: {', '.join(self._fields)}")
         return self._fields[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from . import Error, Scene, Simulation, arches
 from ._devices import shipped
-from ._names import did_you_mean
+from ._names import did_you_mean, shown
 from ._navigation import End, Moment, Reward, Task, action_values
 from ._polyline import arcs_of, at_arcs
 from ._spaces import Box, CopiedWhole, DictSpace, Env, gymnasium
@@ -223,7 +223,7 @@ def published_reward(moment: Moment) -> float:
 
 def _check(name: str) -> None:
     if name not in _DEFINITIONS:
-        raise Error(f"there is no task {name!r} of stEVE_bench; {did_you_mean(name, NAMES)}there are: {', '.join(NAMES)}")
+        raise Error(f"there is no task {shown(name)} of stEVE_bench; {did_you_mean(name, NAMES)}there are: {', '.join(NAMES)}")
 
 
 def task(name: str, training: bool = False) -> Task:

@@ -10,6 +10,7 @@
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
+#include "host/support/printable_text.h"
 
 namespace torquer::scene {
 
@@ -87,7 +88,7 @@ std::unique_ptr<Scene> Scene::WithDevice(int instrument, const std::string& devi
     throw UserError(
         fmt::format("{} cannot be exchanged for the device {}, so it stays; choose another device "
                     "({})",
-                    instruments_[number].name, device, error.what()));
+                    instruments_[number].name, Printable(device), error.what()));
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "host/simulator/scene/instrument_spec.h"
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 #include "host/support/strict_toml.h"
 
 namespace torquer::scene {
@@ -88,7 +89,7 @@ std::vector<double> NumbersOf(const SceneSpec& spec, const std::string& key) {
   throw UserError(
       fmt::format("{}: the scene has no number with the key \"{}\"; name a key that it has, as in "
                   "\"instrument.guidewire.rigidity_N_mm2\", or give the key a value there",
-                  spec.path, key));
+                  spec.path, Printable(key)));
 }
 
 }  // namespace torquer::scene

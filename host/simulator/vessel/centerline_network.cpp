@@ -9,6 +9,7 @@
 #include "host/simulator/vessel/curve_limits.h"
 #include "host/simulator/vessel/route.h"
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 
 namespace torquer::vessel {
 
@@ -128,12 +129,12 @@ size_t CenterlineNetwork::Find(const std::string& name) const {
     near.emplace_back(EditDistance(name, curves_[i].name()), i);
   }
   std::sort(near.begin(), near.end());
-  std::string text = candidates.empty() ? "no centerline is called \"" + name + "\""
-                                        : "several centerlines match \"" + name + "\"";
+  std::string text = candidates.empty() ? "no centerline is called \"" + Printable(name) + "\""
+                                        : "several centerlines match \"" + Printable(name) + "\"";
   if (near.empty()) throw UserError(text + "; the vessel has no centerlines");
   text += "; the nearest names are";
   for (size_t i = 0; i < std::min<size_t>(3, near.size()); ++i) {
-    text += (i ? ", \"" : " \"") + curves_[near[i].second].name() + "\"";
+    text += (i ? ", \"" : " \"") + Printable(curves_[near[i].second].name()) + "\"";
   }
   throw UserError(text);
 }
@@ -142,7 +143,7 @@ CenterlinePlace CenterlineNetwork::Place(const std::string& curve, const std::st
   const size_t index = Find(curve);
   if (end == "start") return {index, 0};
   if (end == "end") return {index, curves_[index].length_mm()};
-  throw UserError("\"" + end + "\" is not an end of centerline \"" + curve +
+  throw UserError("\"" + Printable(end) + "\" is not an end of centerline \"" + curve +
                   "\"; give \"start\" or \"end\"");
 }
 
