@@ -72,6 +72,11 @@ void Steering::Restart() {
   exchange_us_.reset();
 }
 
+void Steering::ChoosePlain() {
+  imaging_.mode = effects::Imaging::Mode::kPlain;
+  chosen_ = true;
+}
+
 bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) {
   if (page_ && *page_ != page) return false;
   if (controls.instrument >= static_cast<int>(commands_.size())) return false;

@@ -44,6 +44,8 @@ class Steering {
   /// Call if another simulator starts. The instruments take the positions of its first state, the
   /// C-arm, the table and the X-ray system their start values. The steering page stays the same.
   void Restart();
+  /// Chooses the plain display. The first picture of a scene's subtraction would be blank.
+  void ChoosePlain();
   /// Takes over the positions of a state before the first command.
   void Add(const torquer_lcm::wire_state_t& state);
 

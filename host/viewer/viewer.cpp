@@ -192,6 +192,7 @@ class Viewer {
   void StartCase(std::size_t number, bool examination) {
     if (!station_->Start(number, bus::MonotonicUs(), examination)) return;
     steering_.Restart();
+    if (station_->chosen()->xray) steering_.ChoosePlain();
     state_.reset();
     forces_.reset();
     state_is_new_ = false;

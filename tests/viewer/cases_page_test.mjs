@@ -47,11 +47,18 @@ try {
   await until("the vessel is drawn", () => page.evaluate(() => window.torquer.space.showsVessel));
   assert.equal((await page.evaluate(() => window.torquer.scene().name)), "neuro_angio");
   await until("it runs", async () => (await page.locator("#state").textContent()) === "Running");
+  const [{ title, task }] = list.filter(({ name }) => name === "neuro_angio");
+  const header = () => page.locator("header").innerText();
+  await until("the header has title and task", async () => (await header()).includes(title) && (await header()).includes(task));
+  // The scene asks for a subtraction, whose first picture is blank.
+  const mode = () => page.evaluate(() => window.torquer.readings()?.values.picture_mode);
+  await until("plain fluoroscopy", async () => (await page.locator("#system-M span").textContent()) === "plain");
   const before = await insertion();
   await page.keyboard.down("ArrowUp");
   await page.keyboard.down("Space");
   await until("the wire is pushed", async () => (await insertion()) > before + 20);
   await until("a picture is taken", () => page.evaluate(() => window.torquer.pictures() > 3));
+  assert.equal(await mode(), 0);
   await page.keyboard.up("Space");
   await page.keyboard.up("ArrowUp");
   assert.equal(await page.locator("body.exam").count(), 0);
@@ -93,10 +100,17 @@ try {
   assert.ok(!(await page.locator("#exam").isVisible()));
   await page.keyboard.press("KeyE");
   assert.equal(await page.locator("body.exam").count(), 1);
+  const procedure = () => page.evaluate(() => window.torquer.readings()?.values.procedure_s ?? NaN);
+  await until("some time has passed", async () => (await procedure()) > 4);
+  const clock = async () => {
+    const [, minutes, seconds] = (await page.locator("#clock").textContent()).match(/^(\d+):(\d\d) min$/);
+    return 60 * minutes + Number(seconds);
+  };
   await page.reload();
   await until("the examination is on after a reload", () => page.locator("body.exam").count());
   assert.ok(!(await page.locator("#teaching").isVisible()));
   await until("it runs again", async () => (await page.locator("#state").textContent()) === "Running");
+  await until("the clock has the time since the start", async () => Math.abs((await clock()) - (await procedure())) < 1.5);
   await look("examination");
 
   // Record and report say that it was an examination.

@@ -175,6 +175,18 @@ TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   CHECK(steering.AnsweredChoices() == std::vector<std::uint32_t>{81});
 }
 
+TEST_CASE("A case begins with the plain display, and keeps all else as its scene has it") {
+  Steering steering = Placed();
+  steering.ChoosePlain();
+  const auto* command = steering.ImagingCommand(kStart);
+  REQUIRE(command != nullptr);
+  CHECK(command->mode == torquer::protocol::kImagingPlain);
+  CHECK(command->pulses_per_s == 0);
+  CHECK(command->magnification == 1);
+  steering.Restart();
+  CHECK(steering.ImagingCommand(kStart) == nullptr);
+}
+
 TEST_CASE("While its pedal is down an acquisition has its own display and pulses") {
   using Mode = torquer::effects::Imaging::Mode;
   Steering steering = Placed();

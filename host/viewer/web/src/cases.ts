@@ -57,6 +57,11 @@ export class CaseScreen {
     return this.cases !== null && this.cases.phase !== "running";
   }
 
+  /** The running case. */
+  get running(): TrainingCase | undefined {
+    return this.cases?.phase === "running" ? this.chosen() : undefined;
+  }
+
   /** True while an examination runs. */
   get examines(): boolean {
     return this.cases?.phase === "running" && this.cases.examination;

@@ -7,7 +7,7 @@ export class Examination {
   private readonly task = element<HTMLElement>("#task");
   private lines: Lines | null = null;
   private scene: Scene | null = null;
-  private beganMs = 0;
+  private beganS = 0; // simulated time
   private tookS: number | null = null; // until the target was reached
 
   setLines(lines: Lines): void {
@@ -22,19 +22,19 @@ export class Examination {
     return document.body.classList.contains("exam");
   }
 
-  /** Starts or ends the examination, and sets its clock to zero. */
-  set(on: boolean, nowMs: number): void {
+  /** Starts or ends the examination, whose clock counts from a simulated time. That of a case begins at 0, so a reload keeps it. */
+  set(on: boolean, beganS: number): void {
     document.body.classList.toggle("exam", on);
     element("#exam").setAttribute("aria-pressed", String(on));
-    this.beganMs = nowMs;
+    this.beganS = beganS;
     this.tookS = null;
-    this.showClock(false, nowMs);
+    setText(element("#clock"), seconds(0));
   }
 
   /** Four times a second. */
-  refresh(readings: Readings | null, state: WireState | null, nowMs: number): void {
+  refresh(readings: Readings | null, state: WireState | null): void {
     const reached = readings?.values["target_reached"] === 1;
-    this.showClock(reached, nowMs);
+    if (state !== null) this.showClock(reached ? (readings.values["target_reached_s"] ?? state.timeS) : null, state.timeS);
     const target = this.lines !== null && this.lines.hash === this.scene?.hash ? this.lines.target : null;
     this.task.hidden = target === null || state === null;
     if (target === null || state === null) return;
@@ -58,9 +58,8 @@ export class Examination {
     setText(this.task.lastElementChild!, `reached ${time}${mark}`);
   }
 
-  private showClock(reached: boolean, nowMs: number): void {
-    const passedS = (nowMs - this.beganMs) / 1000;
-    if (reached && this.tookS === null) this.tookS = passedS;
-    setText(element("#clock"), seconds(this.tookS ?? passedS));
+  private showClock(reachedS: number | null, nowS: number): void {
+    if (reachedS !== null) this.tookS ??= Math.max(reachedS, this.beganS);
+    setText(element("#clock"), seconds((this.tookS ?? nowS) - this.beganS));
   }
 }

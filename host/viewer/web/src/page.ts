@@ -46,7 +46,7 @@ class Page {
   private readonly examination = new Examination();
   private readonly cases = new CaseScreen(
     (message) => this.link.send(message),
-    (examination) => this.examination.set(examination, performance.now()),
+    (examination) => this.examination.set(examination, 0),
     () => this.forget(),
   );
   private readonly replay = new ReplayBar((controls) => this.link.send(writeReplay(controls)));
@@ -127,6 +127,7 @@ class Page {
         break;
       case "cases":
         this.cases.take(message);
+        this.showName();
         this.enableSteering();
         break;
       case "lines":
@@ -186,7 +187,7 @@ class Page {
     this.tray.clear();
     this.panel.clear();
     this.patient.clear();
-    this.examination.set(this.cases.examines, performance.now());
+    this.examination.set(this.cases.examines, 0);
   }
 
   private takeScene(scene: Scene): void {
@@ -204,9 +205,16 @@ class Page {
       scene.effects.includes("fluoroscopy"), scene.effects.includes("contrast"), scene.instruments.length);
     document.body.classList.toggle("biplane", scene.effects.includes("lateral_plane"));
     document.body.classList.toggle("no-xray", !scene.effects.includes("fluoroscopy"));
-    setText(element("#scene-name"), scene.name.replaceAll("_", " "));
+    this.showName();
     document.title = `${scene.name} · Torquer`;
     this.choose();
+  }
+
+  // A running case has its title and task in the header.
+  private showName(): void {
+    const running = this.cases.running;
+    setText(element("#scene-name"), running?.title ?? this.scene?.name.replaceAll("_", " ") ?? "");
+    setText(element("#case-task"), running?.task ?? "");
   }
 
   // While a loop plays, its angles are shown.
@@ -241,7 +249,7 @@ class Page {
     this.cases.refresh();
     this.panel.refresh(this.viewer, this.readings, this.fresh(), nowMs);
     this.patient.refresh(this.fresh());
-    this.examination.refresh(this.readings, this.state, nowMs);
+    this.examination.refresh(this.readings, this.state);
     this.tray.enabled = this.viewer !== null && !this.replay.shown;
     this.tray.refresh();
     const [level, text, notice] = this.session(nowMs);
@@ -348,7 +356,7 @@ class Page {
   private examine(): void {
     // The choice of a case decides if it is an examination. Its record notes the choice.
     if (document.body.classList.contains("no-xray") || this.cases.newest !== null) return;
-    this.examination.set(!this.examination.on, performance.now());
+    this.examination.set(!this.examination.on, this.state?.timeS ?? 0);
   }
 
   private showKeys(): void {
