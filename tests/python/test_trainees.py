@@ -144,6 +144,36 @@ def test_a_session_without_a_name_needs_one(tmp_path):
     assert status == 2 and "--trainee" in error
 
 
+def test_any_name_is_listed_drawn_and_exported_as_it_is(tmp_path):
+    names = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", 'Ann, "the\nfast"', "Bob\r\nEve", "$\\frac{$", "\x1b[31mred", "a\0b", "\u202eevil"]
+    store = tmp_path / "store.sqlite"
+    for k, name in enumerate(names):
+        write(tmp_path / "s", f"{k:02}", trainee=name, group="=g")
+    assert run(store, "add", tmp_path / "s") == (0, f"{store}: {len(names)} sessions added, 0 replaced\n", "")
+    out = run(store, "list")[1]
+    assert len(out.splitlines()) == len(names) + 1 and all(one.isprintable() for one in out.replace("\n", ""))
+    opened = trainees.Store(store)
+    for name in names[7:10]:
+        assert xml.dom.minidom.parseString(trainees.draw(opened.sessions(name), name)).documentElement.tagName == "svg"
+    table = tmp_path / "all.csv"
+    assert run(store, "export", table)[0] == 0
+    rows = list(csv.DictReader(table.open(newline="")))
+    opened.close()
+    # A spreadsheet would compute a cell that begins like a formula.
+    assert [row["trainee"] for row in rows] == [f"'{name}" if name[0] in "=+-@\t" else name for name in names]
+    assert {row["group"] for row in rows} == {"'=g"}
+
+
+def test_a_report_with_a_corrected_name_moves_its_session_to_that_trainee(tmp_path):
+    store = tmp_path / "store.sqlite"
+    write(tmp_path / "s", "a", trainee="Anm")
+    assert run(store, "add", tmp_path / "s")[1].endswith("1 sessions added, 0 replaced\n")
+    write(tmp_path / "s", "a", trainee="Ann")
+    write(tmp_path / "s", "b", trainee="Bob")  # another place, begun at the same time
+    assert run(store, "add", tmp_path / "s")[1].endswith("1 sessions added, 1 replaced\n")
+    assert [line.split()[0] for line in run(store, "list")[1].splitlines()[1:]] == ["Ann", "Bob"]
+
+
 @pytest.mark.parametrize(
     "text, said",
     [
@@ -159,8 +189,9 @@ def test_a_session_without_a_name_needs_one(tmp_path):
         (json.dumps(summary(trainee=7)), "trainee = 7"),
         (json.dumps(summary(scene="")), "scene is missing"),
         (json.dumps(summary(marks=[3])), "marks is no list"),
+        (json.dumps(summary(trainee="\ud800")), "no text in Unicode"),
     ],
-    ids=range(12),
+    ids=range(13),
 )
 def test_a_damaged_summary_is_named_and_left_out(tmp_path, text, said):
     path = tmp_path / "bad.session.json"

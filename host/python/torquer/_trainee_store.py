@@ -112,9 +112,11 @@ class Store:
             self._base.execute("INSERT OR IGNORE INTO trainee (name) VALUES (?)", (trainee,))
             (who,) = self._base.execute("SELECT id FROM trainee WHERE name = ?", (trainee,)).fetchone()
             key = (who, session["scene"], session["started_us"])
-            same = "started_us = ?" if session["started_us"] is not None else "started_us IS ? AND file = ?"
-            found = key if session["started_us"] is not None else (*key, file)
-            before = self._base.execute(f"DELETE FROM session WHERE trainee = ? AND scene = ? AND {same}", found).rowcount
+            # The same file may name another trainee than before.
+            before = self._base.execute(
+                "DELETE FROM session WHERE (file = ? OR (trainee = ? AND started_us IS NOT NULL)) AND scene = ? AND started_us IS ?",
+                (file, *key),
+            ).rowcount
             names = ["trainee", "scene", "started_us", "trainee_group", "file", *VERDICTS, *FIGURES]
             values = [*key, group, file, *(session[name] for name in (*VERDICTS, *FIGURES))]
             places = ", ".join("?" * len(names))

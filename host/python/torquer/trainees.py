@@ -31,6 +31,7 @@ _MOST_FILES = 100_000
 _LARGEST = 1e12
 _LATEST_US = 4_102_444_800_000_000  # year 2100
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a formula, or skipped before one
 # Figures of a learning curve, with their titles.
 _CURVE = {
     "target_s": "Time to the target (s)",
@@ -65,6 +66,10 @@ def _text(path: str, session: Dict[str, Any], name: str) -> str:
     value = session.get(name, "")
     if not isinstance(value, str):
         raise Error(f"{path}: {name} = {value!r} is no text; make the report again")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise Error(f"{path}: {name} = {value!a} is no text in Unicode; make the report again") from None
     return value
 
 
@@ -149,6 +154,11 @@ def _shown(value: Optional[float]) -> str:
     return "-" if value is None else f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
 
 
+def _printable(text: str) -> str:
+    """Text for a terminal: escapes stand in place of control characters."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
 def _result(session: Dict[str, Any]) -> str:
     if not session["gradable"]:
         return "not gradable"
@@ -160,8 +170,9 @@ def _result(session: Dict[str, Any]) -> str:
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[k]) for row in (heads, *rows)) for k in range(len(heads))]
-    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in (heads, *rows))
+    lines = [[_printable(cell) for cell in row] for row in (heads, *rows)]
+    widths = [max(len(cell) for cell in column) for column in zip(*lines)]
+    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines)
 
 
 def overview(store: Store, group: Optional[str]) -> str:
@@ -207,6 +218,11 @@ def curve(sessions: Sequence[Dict[str, Any]]) -> str:
     return _table(heads, rows)
 
 
+def _drawn(text: str) -> str:
+    """Text for matplotlib, which would read what stands between two dollars as a formula."""
+    return _printable(text).replace("$", "\\$")
+
+
 def draw(sessions: Sequence[Dict[str, Any]], title: str) -> bytes:
     """Learning curves as SVG: a panel for each figure, a line for each case."""
     _command.need("torquer-trainees --picture", "matplotlib", "python3-matplotlib").use("Agg")
@@ -219,16 +235,21 @@ def draw(sessions: Sequence[Dict[str, Any]], title: str) -> bytes:
         for scene, of_case in sorted(cases.items()):
             points = [(number, one[name]) for number, one in enumerate(of_case, 1) if one[name] is not None]
             if points:
-                axes.plot(*zip(*points), "o-", label=scene)
+                axes.plot(*zip(*points), "o-", label=_drawn(scene))
         axes.set_ylim(bottom=0)
         axes.xaxis.get_major_locator().set_params(integer=True)
         if axes.lines:
             axes.legend(fontsize=8)
-    figure.suptitle(title)
+    figure.suptitle(_drawn(title))
     figure.tight_layout()
     out = io.BytesIO()
     figure.savefig(out, format="svg", metadata={"Date": None})
     return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """A cell that a spreadsheet takes as it is. Text that would be a formula there gets an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
 
 
 def as_csv(sessions: Sequence[Dict[str, Any]]) -> str:
@@ -237,7 +258,7 @@ def as_csv(sessions: Sequence[Dict[str, Any]]) -> str:
     names = ["trainee", "group", "scene", "started_us", *VERDICTS, *FIGURES, "file"]
     writer = csv.DictWriter(out, names, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(sessions)
+    writer.writerows({name: _cell(value) for name, value in session.items()} for session in sessions)
     return out.getvalue()
 
 
@@ -283,7 +304,8 @@ def _curve(store: Store, arguments: argparse.Namespace) -> str:
     if not sessions:
         known = sorted({session["trainee"] for session in store.sessions()})
         of_case = f" in {arguments.case}" if arguments.case else ""
-        raise Error(f"{arguments.trainee}: has no session{of_case} in {store.path}; trainees: {', '.join(known) or 'none'}")
+        names = _printable(", ".join(known) or "none")
+        raise Error(f"{_printable(arguments.trainee)}: has no session{of_case} in {store.path}; trainees: {names}")
     if arguments.picture:
         if not arguments.picture.endswith(".svg"):
             raise Error(f"--picture {arguments.picture}: give a file that ends in .svg")
